@@ -1,0 +1,47 @@
+# Everything is one target; `make help` lists them.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+STUDY  ?= reference
+ARGS   ?=
+
+.DEFAULT_GOAL := help
+.PHONY: help run sweep point report test lint clean
+
+help: ## list the targets
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
+	@echo "  ARGS passes settings on, for example: make sweep STUDY=smoke ARGS='spindle.preload_n=200 cluster=serial'"
+
+run: $(VENV)/.installed ## set up and compute the reference study: store, figures and report
+	$(BIN)/python -m pipeline sweep study=reference $(ARGS)
+
+sweep: $(VENV)/.installed ## compute any study, by STUDY=name
+	$(BIN)/python -m pipeline sweep study=$(STUDY) $(ARGS)
+
+point: $(VENV)/.installed ## the whole chain at one operating point, by ARGS="spindle_speed_rpm=12000 axial_depth_mm=1"
+	$(BIN)/python -m pipeline point $(ARGS)
+
+report: $(VENV)/.installed ## write tables, figures and page of a finished study again, by ARGS=output=DIR
+	$(BIN)/python -m pipeline report $(ARGS)
+
+test: $(VENV)/.installed-test ## style, types, import contracts and all tests
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/pytest -n 2 $(ARGS)
+
+clean: ## remove the environment and caches, keep results
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(0 if (3, 11) <= sys.version_info < (3, 14) else "Python 3.11, 3.12 or 3.13 is needed, found %d.%d; name one with: make PYTHON=/path/to/python3.12 ..." % sys.version_info[:2])'
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable .
+	@touch $@
+
+$(VENV)/.installed-test: pyproject.toml constraints.txt | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
+	@touch $@ $(VENV)/.installed

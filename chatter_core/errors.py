@@ -1,0 +1,28 @@
+"""What can go wrong in the physics, and why."""
+
+
+class ChatterError(Exception):
+    """Base of every error that the physics raises on purpose."""
+
+
+class InvalidInput(ChatterError):
+    """What the user described cannot exist or is out of range.
+
+    ``problems`` holds one complete sentence per finding, so that all are told at once.
+    """
+
+    def __init__(self, problems: list[str]) -> None:
+        self.problems = problems
+        super().__init__("\n".join(problems))
+
+
+class NoEquilibrium(ChatterError):
+    """A bearing has no equilibrium at an operating point, or a ball leaves its race."""
+
+
+class UnsupportedEquation(ChatterError):
+    """A solver was given an equation outside the class that it solves."""
+
+
+class NotConverged(ChatterError):
+    """An iteration ended without meeting its tolerance."""

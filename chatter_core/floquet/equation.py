@@ -1,0 +1,87 @@
+"""The equation that is solved: a linear periodic system with delayed feedback through few outputs.
+
+x'(t) = A x(t) + B sum_l K_l(t) [C x(t) - C x(t - tau_l)],  K_l(t + T) = K_l(t).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_core.errors import UnsupportedEquation
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+#: Times (point, ...) -> feedback matrices (point, ..., input, output).
+Gain = Callable[[Array], Array]
+
+#: Largest condition number of the eigenvectors of A that is still diagonalised.
+LARGEST_CONDITION = 1e9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spectrum:
+    """A = modes diag(poles) modes^-1: poles (system, pole) [1/s], modes and inverse (system, pole, pole)."""
+
+    poles: ComplexArray
+    modes: ComplexArray
+    inverse: ComplexArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearSystem:
+    """The linear systems of a batch of equations; many equations may share one.
+
+    state_matrix A: (system, state, state); input_matrix B: (system, state, input); output_matrix C:
+    (system, output, state).
+    """
+
+    state_matrix: Array
+    input_matrix: Array
+    output_matrix: Array
+
+    @cached_property
+    def spectrum(self) -> Spectrum:
+        """Eigenvalues and eigenvectors of A, found once.
+
+        Raises UnsupportedEquation when A cannot be diagonalised.
+        """
+        poles, modes = np.linalg.eig(self.state_matrix)
+        condition = np.linalg.cond(modes)
+        if not np.all(condition < LARGEST_CONDITION):
+            raise UnsupportedEquation(
+                f"state matrix cannot be diagonalised (condition {condition.max():.1e}, allowed {LARGEST_CONDITION:.0e}): "
+                "two poles coincide, as at critical damping; change one of them a little"
+            )
+        return Spectrum(
+            poles=poles.astype(complex), modes=modes.astype(complex), inverse=np.linalg.inv(modes).astype(complex)
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class DelayedFeedback:
+    """One term K(t) [C x(t) - C x(t - tau)]; delay: (point,) [s], at most the period."""
+
+    gain: Gain
+    delay: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class DelayEquation:
+    """A batch of equations of one shape, one per point.
+
+    system: the linear systems; system_index: (point,), which of them is a point's; period: (point,) [s]; breakpoints: (point, breakpoint), the times in
+    [0, period) where a gain is not smooth, at least one.
+    """
+
+    system: LinearSystem
+    system_index: NDArray[np.intp]
+    feedback: tuple[DelayedFeedback, ...]
+    period: Array
+    breakpoints: Array
+
+    def __len__(self) -> int:
+        return len(self.period)

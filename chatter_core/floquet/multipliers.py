@@ -1,0 +1,134 @@
+"""The critical Floquet multiplier of a batch of monodromy operators, without forming them.
+
+Arnoldi's method on all points at once: the operator is only ever applied. Source: Y. Saad,
+Numerical Methods for Large Eigenvalue Problems (2011), chapter 6.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+#: Applications before the Krylov space is begun: they remove what decays at once.
+WARM_UP = 2
+#: Sizes of the Krylov space at which the critical Ritz value is tested.
+SPACE_SIZES = (16, 20, 26, 34, 48, 72, 110)
+#: Residual of the critical Ritz pair, relative to its modulus.
+RESIDUAL_TOLERANCE = 1e-9
+#: Part of an applied vector outside the space, relative to it, that counts as rounding.
+EXHAUSTED = 1e-13
+
+
+class Monodromy(Protocol):
+    """Map of the discretised state over one period, for a batch of points."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of points and size of the discretised state."""
+
+    def apply(self, vectors: Array) -> Array:
+        """Map vectors (point, size) over one period."""
+
+    def select(self, points: NDArray[np.intp]) -> Self:
+        """Return the operator of some of the points."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CriticalMultiplier:
+    """Multiplier of largest modulus (point,) and its vector (point, size).
+
+    Of a complex pair it is the one with positive angle. ``converged`` (point,) is False where the
+    value did not settle.
+    """
+
+    value: ComplexArray
+    vector: ComplexArray
+    converged: NDArray[np.bool_]
+
+
+def critical_multiplier(monodromy: Monodromy) -> CriticalMultiplier:
+    """Return the multiplier of largest modulus of every point.
+
+    The Krylov space grows until the Ritz value of largest modulus has a small residual; a larger
+    Ritz value that has not settled yet therefore never hides behind a settled smaller one.
+
+    A point for which the largest space does not suffice is marked, not hidden.
+    """
+    points, size = monodromy.shape
+    value = np.zeros(points, dtype=complex)
+    vector = np.zeros((points, size), dtype=complex)
+    residual = np.full(points, np.inf)
+    start = np.broadcast_to(np.random.default_rng(20111).standard_normal(size), (points, size)).copy()
+    for _ in range(WARM_UP):
+        start = monodromy.apply(start)
+        start /= np.linalg.norm(start, axis=1, keepdims=True)
+    space = _Krylov.begin(monodromy, start)
+    open_points = np.arange(points)
+    for wanted in [min(s, size) for s in SPACE_SIZES if s < size] + [min(size, SPACE_SIZES[-1])]:
+        space.grow(wanted)
+        theta, ritz, error = space.dominant()
+        value[open_points], vector[open_points], residual[open_points] = theta, ritz, error
+        unsettled = error > RESIDUAL_TOLERANCE * np.abs(theta)
+        if not unsettled.any():
+            break
+        open_points, space = open_points[unsettled], space.select(np.flatnonzero(unsettled))
+    converged = residual <= RESIDUAL_TOLERANCE * np.abs(value)
+    return CriticalMultiplier(value=value, vector=vector, converged=converged)
+
+
+@dataclass
+class _Krylov:
+    """Arnoldi relation P V_j = V_{j+1} H_j for a batch of operators."""
+
+    monodromy: Monodromy
+    basis: Array  # (point, vector, size)
+    hessenberg: Array  # (point, vector, vector)
+    steps: int
+
+    @classmethod
+    def begin(cls, monodromy: Monodromy, start: Array) -> "_Krylov":
+        points, size = monodromy.shape
+        longest = min(size, SPACE_SIZES[-1])
+        basis = np.zeros((points, SPACE_SIZES[0] + 1, size))
+        basis[:, 0] = start / np.linalg.norm(start, axis=1, keepdims=True)
+        return cls(monodromy, basis, np.zeros((points, longest + 1, longest)), 0)
+
+    def grow(self, steps: int) -> None:
+        room = steps + 1 - self.basis.shape[1]
+        if room > 0:
+            self.basis = np.pad(self.basis, ((0, 0), (0, room), (0, 0)))
+        for j in range(self.steps, steps):
+            new = self.monodromy.apply(self.basis[:, j])
+            least = EXHAUSTED * np.linalg.norm(new, axis=1)
+            known = self.basis[:, : j + 1]
+            for _ in range(2):  # once is not enough where the new vector nearly lies in the space
+                overlap = (known @ new[:, :, None])[..., 0]
+                new = new - (overlap[:, None, :] @ known)[:, 0]
+                self.hessenberg[:, : j + 1, j] += overlap
+            length = np.linalg.norm(new, axis=1)
+            # What is left of an exhausted space is rounding. It is exact already, and a zero vector
+            # adds zero multipliers and nothing else.
+            exhausted = length <= least
+            self.hessenberg[:, j + 1, j] = np.where(exhausted, 0.0, length)
+            self.basis[:, j + 1] = np.where(exhausted, 0.0, 1.0 / np.where(exhausted, 1.0, length))[:, None] * new
+        self.steps = max(self.steps, steps)
+
+    def dominant(self) -> tuple[ComplexArray, ComplexArray, Array]:
+        """Return the Ritz value of largest modulus, its vector and its residual, per point."""
+        j = self.steps
+        values, vectors = np.linalg.eig(self.hessenberg[:, :j, :j])
+        values, vectors = values.astype(complex), vectors.astype(complex)
+        # Of a complex pair take the one with positive angle, whatever rounding says of their moduli.
+        rank = np.abs(values) * (1.0 + 1e-12 * (values.imag >= 0.0))
+        best = rank.argmax(axis=1)
+        rows = np.arange(len(best))
+        theta, coordinates = values[rows, best], vectors[rows, :, best]
+        residual = self.hessenberg[:, j, j - 1] * np.abs(coordinates[:, -1])
+        return theta, (coordinates[:, None, :] @ self.basis[:, :j])[:, 0], residual
+
+    def select(self, points: NDArray[np.intp]) -> "_Krylov":
+        return _Krylov(self.monodromy.select(points), self.basis[points], self.hessenberg[points], self.steps)

@@ -1,0 +1,130 @@
+"""Tool tip: modes as the tip feels them, their receptance and their state space.
+
+Modes come from the spindle or from measurement; from here on nobody can tell which. With the
+mode shape one at the tip, mode k of an axis obeys m q'' + c q' + k q = F and the tip's
+displacement is the sum of the axis' q.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_core.errors import InvalidInput
+from chatter_core.machine import Tip
+
+Array = NDArray[np.float64]
+AXES = ("x", "y")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TipModes:
+    """Modes of both axes over speed, in one list: the x modes first.
+
+    axis: (mode,) 0 for x, 1 for y; label: (mode,) number of the mode on its axis, from 1, which
+    it keeps at every speed; natural_frequency [rad/s], damping_ratio [-], modal_mass [kg]:
+    (speed, mode); tracking_confidence: (speed, mode), the least modal assurance met on the way
+    from standstill.
+    """
+
+    axis: NDArray[np.intp]
+    label: NDArray[np.intp]
+    natural_frequency: Array
+    damping_ratio: Array
+    modal_mass: Array
+    tracking_confidence: Array
+
+    @property
+    def modal_stiffness(self) -> Array:
+        """Modal stiffness felt at the tip (speed, mode) [N/m]."""
+        return self.modal_mass * self.natural_frequency**2
+
+    def __len__(self) -> int:
+        return len(self.axis)
+
+    def at(self, speeds: NDArray[np.intp]) -> "TipModes":
+        """Return the modes at some of the speeds."""
+        over_speed = ("natural_frequency", "damping_ratio", "modal_mass", "tracking_confidence")
+        return replace(self, **{name: getattr(self, name)[speeds] for name in over_speed})
+
+
+@dataclass(frozen=True, kw_only=True)
+class StateSpace:
+    """x' = A x + B F, w = C x of the tip over speed; the states are every q, then every q'.
+
+    state_matrix: (speed, state, state); input_matrix: (speed, state, 2); output_matrix:
+    (speed, 2, state).
+    """
+
+    state_matrix: Array
+    input_matrix: Array
+    output_matrix: Array
+
+
+def state_space(modes: TipModes) -> StateSpace:
+    """Write the modes as a state space."""
+    speeds, count = modes.natural_frequency.shape
+    position, velocity = np.arange(count), np.arange(count, 2 * count)
+    state_matrix = np.zeros((speeds, 2 * count, 2 * count))
+    state_matrix[:, position, velocity] = 1.0
+    state_matrix[:, velocity, position] = -(modes.natural_frequency**2)
+    state_matrix[:, velocity, velocity] = -2.0 * modes.damping_ratio * modes.natural_frequency
+    input_matrix = np.zeros((speeds, 2 * count, 2))
+    input_matrix[:, velocity, modes.axis] = 1.0 / modes.modal_mass
+    output_matrix = np.zeros((speeds, 2, 2 * count))
+    output_matrix[:, modes.axis, position] = 1.0
+    return StateSpace(state_matrix=state_matrix, input_matrix=input_matrix, output_matrix=output_matrix)
+
+
+def receptance(modes: TipModes, frequency: Array) -> NDArray[np.complex128]:
+    """Return the tip's receptance H = w / F for the time law exp(+i w t) [m/N].
+
+    Spin speed (of ``modes``) and excitation frequency [rad/s] (frequency,) are separate axes:
+    the result is (speed, frequency, output axis, input axis).
+    """
+    natural = modes.natural_frequency[:, None, :]
+    excited = frequency[None, :, None]
+    term = 1.0 / (
+        modes.modal_mass[:, None, :] * (natural**2 - excited**2 + 2j * modes.damping_ratio[:, None, :] * natural * excited)
+    )
+    result = np.zeros((len(modes.natural_frequency), len(frequency), 2, 2), dtype=complex)
+    for axis in range(2):
+        result[:, :, axis, axis] = term[:, :, modes.axis == axis].sum(axis=-1)
+    return result
+
+
+def measured_modes(tip: Tip, spindle_speed: Array, mode_count: int | None = None) -> TipModes:
+    """Take the modes from measurement, interpolated linearly between the measured speeds.
+
+    Below the lowest and above the highest measured speed the nearest values are kept. Modes of
+    an axis are numbered by frequency at each measured speed. ``mode_count`` keeps the lowest of
+    each axis.
+
+    Raises InvalidInput when an axis that has modes has fewer than ``mode_count``.
+    """
+    speeds = sorted({mode.spindle_speed or 0.0 for mode in tip.modes})
+    tables = []
+    for axis, name in enumerate(AXES):
+        at_speed = [
+            sorted(
+                (m for m in tip.modes if m.axis == name and (m.spindle_speed or 0.0) == speed),
+                key=lambda m: m.natural_frequency,
+            )
+            for speed in speeds
+        ]
+        available = len(at_speed[0])
+        if mode_count is not None and 0 < available < mode_count:
+            raise InvalidInput([f"mode_count: found {mode_count}, but tip.modes lists {available} modes of axis {name}"])
+        for number in range(min(available, mode_count or available)):
+            rows = [(m[number].natural_frequency, m[number].damping_ratio, m[number].stiffness) for m in at_speed]
+            columns = [np.interp(spindle_speed, speeds, column) for column in zip(*rows, strict=True)]
+            tables.append((axis, number + 1, *columns))
+    frequency, damping, stiffness = (np.stack([row[i] for row in tables], axis=-1) for i in (2, 3, 4))
+    return TipModes(
+        axis=np.array([row[0] for row in tables]),
+        label=np.array([row[1] for row in tables]),
+        natural_frequency=frequency,
+        damping_ratio=damping,
+        modal_mass=stiffness / frequency**2,
+        tracking_confidence=np.ones_like(frequency),
+    )

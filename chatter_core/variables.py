@@ -1,0 +1,92 @@
+"""Every named result: its dimensions, unit, type and meaning, declared once.
+
+Stores, tables and figures take names, units and descriptions from here. Values are in the unit
+of the border (``unit``); ``si_factor`` leads back to SI.
+"""
+
+from dataclasses import dataclass
+
+from chatter_core.units import SUFFIXES
+
+#: The only dimensions that a result may have.
+DIMENSIONS = ("modal_parameters", "preload", "mode_count", "spindle_speed", "axial_depth", "crossing", "mode", "axis")
+
+#: Outcome of one grid cell. A cell that was never computed is 0: a store is complete when none is left.
+STATUS = {"pending": 0, "ok": 1, "not_converged": 2, "outside_validity": 3, "worker_lost": 4}
+
+#: How stability is lost, from the critical multiplier.
+BIFURCATION = {"none": 0, "hopf": 1, "flip": 2, "fold": 3}
+
+#: Where the bearings' stiffness is taken: at the spindle's speed, or at standstill whatever the speed.
+MODAL_PARAMETERS = ("dynamic", "static")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variable:
+    """A named result. ``suffix`` is the unit suffix of the border ("" for pure numbers)."""
+
+    dims: tuple[str, ...]
+    dtype: str
+    suffix: str = ""
+    doc: str
+
+    @property
+    def unit(self) -> str:
+        """Unit as CF metadata writes it."""
+        return SUFFIXES[self.suffix][1] if self.suffix else "1"
+
+    @property
+    def si_factor(self) -> float:
+        """What a stored value is multiplied by to become SI."""
+        return SUFFIXES[self.suffix][0] if self.suffix else 1.0
+
+
+_LINE = ("modal_parameters", "preload", "mode_count", "spindle_speed")
+_CELL = (*_LINE, "axial_depth")
+_LIMIT = (*_LINE, "crossing")
+_STRUCTURE = ("modal_parameters", "preload", "spindle_speed")
+
+#: What a sweep writes chunk by chunk.
+SWEEP: dict[str, Variable] = {
+    "spectral_radius": Variable(dims=_CELL, dtype="f8", doc="largest modulus of the Floquet multipliers"),
+    "multiplier_angle": Variable(dims=_CELL, dtype="f8", doc="argument of the critical Floquet multiplier in radian"),
+    "chatter_frequency": Variable(
+        dims=_CELL, dtype="f8", suffix="hz", doc="strongest line of the critical multiplier's branch at the tool tip"
+    ),
+    "bifurcation": Variable(dims=_CELL, dtype="i1", doc="how stability is lost: 1 Hopf, 2 flip, 3 fold"),
+    "dominant_mode": Variable(dims=_CELL, dtype="i1", doc="mode with the largest share in the critical motion"),
+    "dominant_mode_share": Variable(dims=_CELL, dtype="f4", doc="its share of the critical motion's energy"),
+    "error_estimate": Variable(dims=_LINE, dtype="f8", doc="estimated error of the spectral radius near the boundary"),
+    "limit_depth": Variable(
+        dims=_LIMIT, dtype="f8", suffix="mm", doc="depth at which the spectral radius is one, all crossings upwards"
+    ),
+    "limit_chatter_frequency": Variable(dims=_LIMIT, dtype="f8", suffix="hz", doc="chatter frequency at the crossing"),
+    "limit_dominant_mode": Variable(dims=_LIMIT, dtype="i1", doc="dominant mode at the crossing"),
+    "limit_bifurcation": Variable(dims=_LIMIT, dtype="i1", doc="how stability is lost at the crossing"),
+}
+
+#: Completion and outcome of every cell, written after everything else of its chunk.
+CELL_STATUS = Variable(dims=_CELL, dtype="u1", doc="0 pending, 1 ok, 2 not converged, 3 outside validity, 4 worker lost")
+
+#: What depends on speed and preload alone; written once, before the chunks.
+STRUCTURE: dict[str, Variable] = {
+    "radial_stiffness": Variable(dims=_STRUCTURE, dtype="f8", suffix="n_um", doc="radial stiffness of one bearing"),
+    "axial_stiffness": Variable(dims=_STRUCTURE, dtype="f8", suffix="n_um", doc="axial stiffness of one bearing"),
+    "inner_contact_angle": Variable(dims=_STRUCTURE, dtype="f8", suffix="deg", doc="contact angle at the inner race"),
+    "outer_contact_angle": Variable(dims=_STRUCTURE, dtype="f8", suffix="deg", doc="contact angle at the outer race"),
+    "centrifugal_force": Variable(dims=_STRUCTURE, dtype="f8", suffix="n", doc="centrifugal force on one ball"),
+    "gyroscopic_moment": Variable(dims=_STRUCTURE, dtype="f8", suffix="n_m", doc="gyroscopic moment on one ball"),
+    "natural_frequency": Variable(
+        dims=(*_STRUCTURE, "axis", "mode"), dtype="f8", suffix="hz", doc="undamped natural frequency of the tip mode"
+    ),
+    "damping_ratio": Variable(dims=(*_STRUCTURE, "axis", "mode"), dtype="f8", doc="damping ratio of the tip mode"),
+    "modal_stiffness": Variable(
+        dims=(*_STRUCTURE, "axis", "mode"), dtype="f8", suffix="n_um", doc="modal stiffness, mode one at the tool tip"
+    ),
+    "modal_mass": Variable(
+        dims=(*_STRUCTURE, "axis", "mode"), dtype="f8", suffix="kg", doc="modal mass, mode one at the tool tip"
+    ),
+    "tracking_confidence": Variable(
+        dims=(*_STRUCTURE, "mode"), dtype="f8", doc="least modal assurance on the way from standstill (1: surely the same)"
+    ),
+}

@@ -1,0 +1,1 @@
+"""Configs as shipped: one folder a group, one file a choice."""

@@ -1,0 +1,229 @@
+"""Figures of a sweep, each a function of the opened store."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+
+from pipeline.lobes import stability_limit
+
+matplotlib.use("Agg")
+
+#: Colours that stay apart for colour-blind readers (Okabe and Ito), by order of use.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442")
+STYLE = {"dynamic": "-", "static": "--"}
+STABLE = "#E8F3EC"
+#: Borders of the colours of the spectral radius, narrow around one.
+RADIUS_LEVELS = (0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 1.0, 1.02, 1.05, 1.1, 1.25, 1.67, 2.5)
+
+
+def write(lobes: xr.Dataset, folder: Path, preload: float) -> list[Path]:
+    """Write every figure of a sweep into a folder and return the paths.
+
+    ``preload`` [N] is the one shown where a figure holds one preload only.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for name, draw in _figures(lobes).items():
+        figure = draw(lobes, preload)
+        path = folder / f"{name}.png"
+        figure.savefig(path, dpi=150)
+        paths.append(path)
+    return paths
+
+
+def _figures(lobes: xr.Dataset) -> dict[str, Callable[[xr.Dataset, float], Figure]]:
+    wanted: dict[str, Callable[[xr.Dataset, float], Figure]] = {
+        "lobes": lobes_static_and_dynamic,
+        "lobes_by_preload": lobes_by_preload,
+        "lobes_by_mode_count": lobes_by_mode_count,
+        "spectral_radius": map_of_spectral_radius,
+        "dominant_mode": map_of_dominant_mode,
+        "modes": modes_over_speed,
+    }
+    if bool(lobes["radial_stiffness"].notnull().any()):
+        wanted["bearing"] = bearing_over_speed
+    return wanted
+
+
+def lobes_static_and_dynamic(lobes: xr.Dataset, preload: float) -> Figure:
+    """Draw the boundary with all modes, bearings at speed against bearings at standstill."""
+    figure, axes = _panel("Stability lobes: bearings at speed and at standstill")
+    modes = int(lobes["mode_count"].max())
+    limit = stability_limit(lobes).sel(preload=preload, mode_count=modes)
+    for colour, name in zip(COLOURS, limit["modal_parameters"].values, strict=False):
+        _boundary(axes, limit.sel(modal_parameters=name), color=colour, linestyle=STYLE[name], label=f"{name} parameters")
+    shown = limit.isel(modal_parameters=0)
+    axes.fill_between(shown["spindle_speed"], 0.0, shown.fillna(float(lobes["axial_depth"].max())), color=STABLE)
+    _finish(axes, lobes, f"{_preload_label(lobes, preload)}{modes} modes an axis")
+    return figure
+
+
+def lobes_by_preload(lobes: xr.Dataset, preload: float) -> Figure:
+    """Draw the boundary with all modes for each preload."""
+    figure, axes = _panel("Stability lobes by preload")
+    modes = int(lobes["mode_count"].max())
+    limit = stability_limit(lobes).isel(modal_parameters=0).sel(mode_count=modes)
+    for colour, value in zip(COLOURS, limit["preload"].values, strict=False):
+        _boundary(axes, limit.sel(preload=value), color=colour, label=f"{value:g} N")
+    _finish(axes, lobes, f"{_parameters(lobes)} parameters, {modes} modes an axis")
+    return figure
+
+
+def lobes_by_mode_count(lobes: xr.Dataset, preload: float) -> Figure:
+    """Draw the boundary at one preload for each number of modes."""
+    figure, axes = _panel("Stability lobes by number of modes")
+    limit = stability_limit(lobes).isel(modal_parameters=0).sel(preload=preload)
+    for colour, value in zip(COLOURS, limit["mode_count"].values, strict=False):
+        label = "mode 1 alone" if value == 1 else f"modes 1 to {value}"
+        _boundary(axes, limit.sel(mode_count=value), color=colour, label=label)
+    _finish(axes, lobes, f"{_preload_label(lobes, preload)}{_parameters(lobes)} parameters")
+    return figure
+
+
+def map_of_spectral_radius(lobes: xr.Dataset, preload: float) -> Figure:
+    """Draw the spectral radius over speed and depth with its contour at one."""
+    figure, axes = _panel("Spectral radius of the Floquet multipliers")
+    modes = int(lobes["mode_count"].max())
+    radius = _map(lobes["spectral_radius"], preload, modes)
+    mesh = axes.pcolormesh(
+        radius["spindle_speed"],
+        radius["axial_depth"],
+        radius,
+        norm=BoundaryNorm(RADIUS_LEVELS, 256, extend="both"),
+        cmap="RdBu_r",
+        shading="nearest",
+        rasterized=True,
+    )
+    _contour(axes, radius)
+    figure.colorbar(mesh, ax=axes, label="spectral radius (stable below 1)", ticks=RADIUS_LEVELS)
+    _finish(axes, lobes, f"{_preload_label(lobes, preload)}{modes} modes an axis, black: radius 1", legend=False)
+    return figure
+
+
+def map_of_dominant_mode(lobes: xr.Dataset, preload: float) -> Figure:
+    """Draw which mode dominates the critical motion over speed and depth."""
+    figure, axes = _panel("Dominant mode of the critical motion")
+    modes = int(lobes["mode_count"].max())
+    dominant = _map(lobes["dominant_mode"], preload, modes)
+    radius = _map(lobes["spectral_radius"], preload, modes)
+    palette = ListedColormap(COLOURS[:modes]) if modes <= len(COLOURS) else matplotlib.colormaps["viridis"]
+    mesh = axes.pcolormesh(
+        dominant["spindle_speed"],
+        dominant["axial_depth"],
+        np.ma.masked_equal(dominant.values, 0),
+        cmap=palette,
+        norm=BoundaryNorm(np.arange(0.5, modes + 1), palette.N),
+        alpha=0.75,
+        shading="nearest",
+        rasterized=True,
+    )
+    _contour(axes, radius)
+    figure.colorbar(mesh, ax=axes, label="mode", ticks=np.arange(1, modes + 1))
+    _finish(axes, lobes, f"{_preload_label(lobes, preload)}{modes} modes an axis, black: radius 1", legend=False)
+    return figure
+
+
+def bearing_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
+    """Draw stiffness, contact angles, centrifugal force and gyroscopic moment over speed for each preload."""
+    figure, grid = _panels("One bearing over spindle speed", 2, 2)
+    bearing = lobes.isel(modal_parameters=0)
+    panels = (
+        ("radial stiffness [N/\N{MICRO SIGN}m]", ("radial_stiffness",)),
+        ("contact angle [deg] (solid inner, dashed outer)", ("inner_contact_angle", "outer_contact_angle")),
+        ("centrifugal force on a ball [N]", ("centrifugal_force",)),
+        ("gyroscopic moment on a ball [N m]", ("gyroscopic_moment",)),
+    )
+    for axes, (label, names) in zip(grid.flat, panels, strict=True):
+        for colour, value in zip(COLOURS, bearing["preload"].values, strict=False):
+            for name, line in zip(names, ("-", "--"), strict=False):
+                values = bearing[name].sel(preload=value)
+                axes.plot(
+                    bearing["spindle_speed"], values, color=colour, linestyle=line,
+                    label=f"{value:g} N" if line == "-" else None,
+                )
+        axes.set_ylabel(label)
+        _over_speed(axes, lobes)
+    grid.flat[0].legend(title="preload", frameon=False)
+    return figure
+
+
+def modes_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
+    """Draw natural frequency, modal stiffness, mass and damping of the tip modes over speed."""
+    figure, grid = _panels(f"Modes at the tool tip over spindle speed {_preload_label(lobes, preload)}".rstrip(", "), 2, 2)
+    modes = lobes.isel(modal_parameters=0).sel(preload=preload)
+    panels = (
+        ("natural frequency [Hz]", "natural_frequency", "linear"),
+        ("modal stiffness [N/\N{MICRO SIGN}m]", "modal_stiffness", "log"),
+        ("modal mass [kg]", "modal_mass", "log"),
+        ("damping ratio [-]", "damping_ratio", "linear"),
+    )
+    for axes, (label, name, scale) in zip(grid.flat, panels, strict=True):
+        values = modes[name]
+        axis = "x" if bool(values.sel(axis="x").notnull().any()) else "y"
+        for colour, number in zip(COLOURS, modes["mode"].values, strict=False):
+            axes.plot(modes["spindle_speed"], values.sel(axis=axis, mode=number), color=colour, label=f"mode {number}")
+        axes.set_yscale(scale)
+        axes.set_ylabel(label)
+        _over_speed(axes, lobes)
+    grid.flat[0].legend(frameon=False, ncols=2)
+    return figure
+
+
+def _boundary(axes: Axes, limit: xr.DataArray, **style: str) -> None:
+    axes.plot(limit["spindle_speed"], limit, linewidth=1.6, **style)
+
+
+def _contour(axes: Axes, radius: xr.DataArray) -> None:
+    """Draw the boundary; the logarithm is nearly linear in depth, so the contour is smooth between cells."""
+    if min(radius.shape) > 1:
+        place = (radius["spindle_speed"], radius["axial_depth"])
+        axes.contour(*place, np.log(radius), levels=[0.0], colors="black", linewidths=1.2)
+
+
+def _map(array: xr.DataArray, preload: float, modes: int) -> xr.DataArray:
+    chosen = array.isel(modal_parameters=0).sel(preload=preload, mode_count=modes)
+    return chosen.transpose("axial_depth", "spindle_speed")
+
+
+def _parameters(lobes: xr.Dataset) -> str:
+    return str(lobes["modal_parameters"].values[0])
+
+
+def _preload_label(lobes: xr.Dataset, preload: float) -> str:
+    return f"preload {preload:g} N, " if bool(lobes["radial_stiffness"].notnull().any()) else ""
+
+
+def _panel(title: str) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(9.0, 5.0), layout="constrained")
+    axes = figure.subplots()
+    axes.set_title(title, loc="left", fontweight="bold")
+    return figure, axes
+
+
+def _panels(title: str, rows: int, columns: int) -> tuple[Figure, np.ndarray]:
+    figure = Figure(figsize=(10.0, 6.5), layout="constrained")
+    figure.suptitle(title, fontweight="bold", x=0.01, ha="left")
+    return figure, figure.subplots(rows, columns)
+
+
+def _over_speed(axes: Axes, lobes: xr.Dataset) -> None:
+    speed = lobes["spindle_speed"].values
+    if len(speed) > 1:
+        axes.set_xlim(speed[0], speed[-1])
+    axes.set_xlabel("spindle speed [rpm]")
+    axes.grid(alpha=0.3)
+
+
+def _finish(axes: Axes, lobes: xr.Dataset, note: str, legend: bool = True) -> None:
+    _over_speed(axes, lobes)
+    axes.set_ylim(0.0, float(lobes["axial_depth"].max()))
+    axes.set_ylabel("axial depth [mm]")
+    axes.set_title(note, loc="right", fontsize="small")
+    if legend:
+        axes.legend(frameon=False)

@@ -1,0 +1,100 @@
+"""From a store of a sweep to statements about lobes: crossover speeds, static against dynamic."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+#: Outer dimensions of a sweep: one line of lobes for each combination.
+OUTER = ("modal_parameters", "preload", "mode_count")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Misjudged:
+    """Speed whose depth the static lobes praise most above what the dynamic ones allow."""
+
+    spindle_speed_rpm: float
+    static_limit_mm: float
+    dynamic_limit_mm: float
+
+
+def stability_limit(lobes: xr.Dataset) -> xr.DataArray:
+    """Return the depth at which stability is first lost [mm]; NaN where the grid's last depth is stable."""
+    return lobes["limit_depth"].isel(crossing=0, drop=True)
+
+
+def dominance(lobes: xr.Dataset) -> pd.DataFrame:
+    """Return the ranges of speed in which one mode dominates the boundary, a row each.
+
+    Speeds whose boundary lies above the grid belong to no range.
+    """
+    dominant = lobes["limit_dominant_mode"].isel(crossing=0, drop=True)
+    speed = lobes["spindle_speed"].values
+    rows = []
+    for labels, line in _lines(dominant):
+        known = np.flatnonzero(line > 0)
+        if not len(known):
+            continue
+        starts = np.flatnonzero(np.diff(line[known], prepend=0))
+        ends = [*(starts[1:] - 1), len(known) - 1]
+        for first, last in zip(starts, ends, strict=True):
+            rows.append(
+                {
+                    **labels,
+                    "from_rpm": speed[known[first]],
+                    "to_rpm": speed[known[last]],
+                    "dominant_mode": int(line[known[first]]),
+                }
+            )
+    return pd.DataFrame(rows, columns=[*OUTER, "from_rpm", "to_rpm", "dominant_mode"])
+
+
+def crossover_speeds(lobes: xr.Dataset) -> pd.DataFrame:
+    """Return every speed at which one mode hands the boundary over to another, a row each.
+
+    The crossover speed is the middle between the last speed of the one and the first of the other.
+    """
+    rows = []
+    for labels, ranges in dominance(lobes).groupby(list(OUTER), sort=False):
+        for before, after in zip(ranges.iloc[:-1].itertuples(), ranges.iloc[1:].itertuples(), strict=True):
+            rows.append(
+                {
+                    **dict(zip(OUTER, labels, strict=True)),
+                    "crossover_rpm": 0.5 * (before.to_rpm + after.from_rpm),
+                    "from_mode": before.dominant_mode,
+                    "to_mode": after.dominant_mode,
+                }
+            )
+    return pd.DataFrame(rows, columns=[*OUTER, "crossover_rpm", "from_mode", "to_mode"])
+
+
+def most_misjudged(lobes: xr.Dataset, preload: float, mode_count: int) -> Misjudged | None:
+    """Return the speed at which static lobes allow most beyond the dynamic ones, None without both.
+
+    Where the static boundary lies above the grid it counts as the grid's last depth.
+    """
+    if not {"static", "dynamic"} <= set(lobes["modal_parameters"].values):
+        return None
+    limit = stability_limit(lobes).sel(preload=preload, mode_count=mode_count)
+    deepest = float(lobes["axial_depth"].max())
+    static, dynamic = limit.sel(modal_parameters="static").fillna(deepest), limit.sel(modal_parameters="dynamic")
+    ratio = (static / dynamic).values
+    if np.isnan(ratio).all():
+        return None
+    worst = int(np.nanargmax(ratio))
+    return Misjudged(
+        spindle_speed_rpm=float(lobes["spindle_speed"][worst]),
+        static_limit_mm=float(static[worst]),
+        dynamic_limit_mm=float(dynamic[worst]),
+    )
+
+
+def _lines(array: xr.DataArray) -> list[tuple[dict[str, object], np.ndarray]]:
+    """Return the labels and the values over speed of every line of lobes."""
+    stacked = array.transpose(*OUTER, "spindle_speed")
+    keys = [stacked[name].values for name in OUTER]
+    return [
+        ({name: values[i] for name, values, i in zip(OUTER, keys, place, strict=True)}, stacked.values[place])
+        for place in np.ndindex(*stacked.shape[:-1])
+    ]

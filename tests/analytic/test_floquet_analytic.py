@@ -1,0 +1,96 @@
+"""Floquet analysis against cases that can be solved on paper."""
+
+import math
+
+import numpy as np
+import pytest
+
+from chatter_core.errors import UnsupportedEquation
+from chatter_core.floquet import DelayedFeedback, DelayEquation, LinearSystem, MethodSettings, analyse
+from tests.conftest import COLLOCATION, milling_benchmark
+
+METHODS = (COLLOCATION, MethodSettings(name="semi_discretization", intervals=400))
+
+
+def oscillator(*, frequency: float, damping: float, mass: float, gain: float, period: float) -> DelayEquation:
+    """Turning: m x'' + c x' + k x = -gain (x(t) - x(t - period)), constant in time."""
+    system = LinearSystem(
+        state_matrix=np.array([[[0.0, 1.0], [-(frequency**2), -2.0 * damping * frequency]]]),
+        input_matrix=np.array([[[0.0], [1.0 / mass]]]),
+        output_matrix=np.array([[[1.0, 0.0]]]),
+    )
+    feedback = DelayedFeedback(
+        gain=lambda time: np.full((*time.shape, 1, 1), -gain), delay=np.array([period])
+    )
+    return DelayEquation(
+        system=system,
+        system_index=np.zeros(1, dtype=int),
+        feedback=(feedback,),
+        period=np.array([period]),
+        breakpoints=np.zeros((1, 1)),
+    )
+
+
+@pytest.mark.parametrize("lobe", [1, 3, 8])
+def test_turning_least_limit_is_two_k_zeta_one_plus_zeta(lobe):
+    """At the bottom of each lobe K = 2 k zeta (1 + zeta) is neutral at w = w_n sqrt(1 + 2 zeta).
+
+    J. Tlusty, M. Polacek (1963): the least limit is -1 / (2 min Re H).
+    """
+    natural, zeta, mass = 2.0 * math.pi * 300.0, 0.03, 1.3
+    stiffness = mass * natural**2
+    gain = 2.0 * stiffness * zeta * (1.0 + zeta)
+    chatter = natural * math.sqrt(1.0 + 2.0 * zeta)
+    response = 1.0 / (stiffness - mass * chatter**2 + 2j * zeta * mass * natural * chatter)
+    phase = np.angle(1.0 + 1.0 / (gain * response))  # exp(-i w tau) = 1 + 1 / (K H)
+    period = (2.0 * math.pi * lobe - phase) / chatter
+    solution = analyse(oscillator(frequency=natural, damping=zeta, mass=mass, gain=gain, period=period), COLLOCATION, 2.0)
+    # Twice the default resolution, which errs by 6e-6 here.
+    assert abs(solution.multiplier[0]) == pytest.approx(1.0, abs=1e-6)
+    strongest = np.abs(solution.output[0, :, 0]).argmax()
+    assert abs(solution.exponent[0, strongest].imag) == pytest.approx(chatter, rel=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
+def test_hayes_equation(method):
+    """x' = -c (x - x(t - 1)) - a x: every multiplier exp(s) solves s + a + c = c exp(-s)."""
+    a, c = 0.7, 1.9
+    system = LinearSystem(
+        state_matrix=np.array([[[-a]]]), input_matrix=np.array([[[1.0]]]), output_matrix=np.array([[[1.0]]])
+    )
+    feedback = DelayedFeedback(gain=lambda time: np.full((*time.shape, 1, 1), -c), delay=np.array([1.0]))
+    equation = DelayEquation(
+        system=system, system_index=np.zeros(1, dtype=int), feedback=(feedback,),
+        period=np.array([1.0]), breakpoints=np.zeros((1, 1)),
+    )
+    s = np.log(analyse(equation, method).multiplier[0])
+    # 1e-9: converged collocation; 2e-2: order zero with a step of 1/400 and |s| below 1.
+    assert abs(s + a + c - c * np.exp(-s)) < (1e-9 if method.name == "collocation" else 2e-2)
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
+def test_without_cutting_the_multipliers_are_those_of_the_structure(method):
+    equation = milling_benchmark(direction="up", immersion=0.3, rpm=[7000.0], depth_mm=[1e-9], axes=(0, 1))
+    free = math.exp(-0.011 * 922.0 * 2.0 * math.pi * float(equation.period[0]))
+    # A depth of 1e-9 mm moves the radius by about 1e-9.
+    assert abs(analyse(equation, method).multiplier[0]) == pytest.approx(free, rel=1e-7)
+
+
+def test_two_delays_are_refused_by_collocation_and_solved_by_semi_discretization():
+    one = oscillator(frequency=1.0, damping=0.1, mass=1.0, gain=0.3, period=2.0)
+    half = DelayedFeedback(gain=lambda time: 0.5 * one.feedback[0].gain(time), delay=one.period)
+    split = DelayEquation(
+        system=one.system, system_index=one.system_index, feedback=(half, half),
+        period=one.period, breakpoints=one.breakpoints,
+    )
+    with pytest.raises(UnsupportedEquation, match="one delay equal to the period"):
+        analyse(split, COLLOCATION)
+    method = MethodSettings(name="semi_discretization", intervals=50)
+    # The same force written as two halves: rounding alone.
+    assert analyse(split, method).multiplier == pytest.approx(analyse(one, method).multiplier, rel=1e-10)
+
+
+def test_a_defective_structure_is_refused():
+    equation = oscillator(frequency=1.0, damping=1.0, mass=1.0, gain=0.3, period=2.0)
+    with pytest.raises(UnsupportedEquation, match="cannot be diagonalised"):
+        analyse(equation, COLLOCATION)
