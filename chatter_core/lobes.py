@@ -5,7 +5,7 @@ chapter 5 (multipliers, kinds of stability loss and chatter frequencies in milli
 Chandrupatla, Adv. Eng. Softw. 28 (1997) 145-149 (the bracketing root finder, as in scipy).
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,6 +144,28 @@ def evaluate(
         solution = analyse(equation, method, refinement[points])
         _fill(result, points, built, speed_index[points], solution)
     return result
+
+
+def evaluate_to_tolerance(
+    machine: Machine, built: Structure, axial_depth: Array, method: MethodSettings
+) -> tuple[Stability, Array]:
+    """Evaluate one depth (speed,) [m] at each speed of a structure, to the method's tolerance.
+
+    Returns the stability and the estimated relative error of the spectral radius (speed,).
+    """
+    results, errors = [], []
+    for speed, depth in enumerate(axial_depth):
+        one = replace(
+            built,
+            spindle_speed=built.spindle_speed[[speed]],
+            modes=built.modes.at(np.array([speed])),
+            solved=built.solved[[speed]],
+        )
+        stability, _, error = _resolved_grid(machine, one, np.array([depth]), method)
+        results.append(stability)
+        errors.append(error)
+    joined = {f.name: np.concatenate([getattr(r, f.name) for r in results]) for f in fields(Stability)}
+    return Stability(**joined), np.concatenate(errors)
 
 
 def _empty(points: int, modes: int) -> Stability:

@@ -22,6 +22,14 @@ class Description(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth_values(cls, value: Any) -> Any:
+        # yaml reads yes, no, on and off as truth values, which would pass as 1 and 0.
+        if isinstance(value, bool):
+            raise ValueError(f"found {str(value).lower()}, a number or word is needed")
+        return value
+
     @field_validator("*", mode="after")
     @classmethod
     def _to_si(cls, value: Any, info: ValidationInfo) -> Any:

@@ -1,0 +1,94 @@
+"""Command line: ``python -m pipeline VERB key=value ...``."""
+
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from importlib.metadata import version
+
+from chatter_core.errors import ChatterError, InvalidInput
+from chatter_core.reading import nearest
+from pipeline.configuration import groups
+from pipeline.errors import StoreInUse
+
+#: Verb -> module with ``run(words) -> exit code``, and what it does.
+VERBS = {
+    "sweep": "compute a grid of operating points into a store, with lobes, tables, figures and report",
+    "point": "the whole chain at one operating point",
+    "report": "write tables, figures and report of a computed study again",
+}
+
+HELP = """Milling chatter from a bearing's data sheet.
+
+usage: python -m pipeline VERB [group=choice ...] [group.key=value ...] [option=value ...]
+
+verbs
+{verbs}
+
+examples
+  python -m pipeline sweep study=smoke
+  python -m pipeline sweep study=reference spindle.preload_type=rigid cluster=threads
+  python -m pipeline sweep machine=path/to/machine.yaml study=smoke output=my_results
+  python -m pipeline point spindle_speed_rpm=12000 axial_depth_mm=1
+  python -m pipeline point machine=path/to/machine.yaml spindle_speed_rpm=12000 axial_depth_mm=1 format=json
+  python -m pipeline report output=results/smoke-1234abcd
+
+groups and their choices
+{groups}
+
+options of verbs
+  sweep   output=DIR, retry_failed=true
+  point   spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static, format=text|json, output=DIR
+  report  output=DIR
+
+exit codes: 0 all well, 1 some points failed and are marked, 2 bad input, 3 store in use
+"""
+
+
+def main(words: list[str] | None = None) -> int:
+    """Run the command line and return the exit code."""
+    words = sys.argv[1:] if words is None else words
+    if not words or words[0] in ("-h", "--help", "help"):
+        print(_help())
+        return 0 if words else 2
+    if words[0] == "--version":
+        print(version("milling-chatter"))
+        return 0
+    try:
+        return _verb(words[0])(words[1:])
+    except InvalidInput as error:
+        for problem in error.problems:
+            print(f"error: {problem}", file=sys.stderr)
+        return 2
+    except StoreInUse as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 3
+    except ChatterError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("stopped at once; a store goes on where it was", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # Whoever read our output has gone: nothing is left to tell.
+        sys.stderr.close()
+        return 1
+    except OSError as error:
+        print(f"error: {error.filename or ''} {error.strerror or error}; what was computed is kept", file=sys.stderr)
+        return 1
+
+
+def _verb(name: str) -> Callable[[list[str]], int]:
+    if name not in VERBS:
+        raise InvalidInput([f"{name}: unknown verb; {nearest(name, list(VERBS))}"])
+    run: Callable[[list[str]], int] = import_module(f"pipeline.{name}").run
+    return run
+
+
+def _help() -> str:
+    verbs = "\n".join(f"  {name:8}{doc}" for name, doc in VERBS.items())
+    choices = "\n".join(f"  {name:8} {', '.join(found)}" for name, found in groups().items())
+    return HELP.format(verbs=verbs, groups=choices)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,78 @@
+"""Where chunks are computed: one factory, the same task everywhere."""
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import dask
+from distributed import Client, LocalCluster, WorkerPlugin
+from threadpoolctl import threadpool_limits
+
+from chatter_core.errors import InvalidInput
+from pipeline.settings import Cluster
+
+#: Seconds to wait for the first worker.
+WORKER_PATIENCE = 60
+
+
+class OneThreadEach(WorkerPlugin):  # type: ignore[misc]
+    """Keep the linear algebra of a worker to one thread, also where its environment says nothing."""
+
+    name = "one-thread-each"
+
+    def setup(self, worker: Any) -> None:
+        """Set the limit in the worker's process."""
+        threadpool_limits(1)
+
+
+@contextmanager
+def open_client(cluster: Cluster) -> Iterator[Client | None]:
+    """Yield a client of the cluster, None for ``serial``; what was started here is stopped again."""
+    if cluster.kind == "serial":
+        with threadpool_limits(1):
+            yield None
+        return
+    quiet = {"distributed.worker.daemon": True, "distributed.admin.low-level-log-length": 0}
+    with TemporaryDirectory(prefix="chatter-") as scratch, dask.config.set({**quiet, "temporary-directory": scratch}):
+        if cluster.kind == "address":
+            yield from _connect(cluster.address)
+        else:
+            processes = cluster.kind == "local"
+            count = cluster.workers or dask.system.CPU_COUNT
+            with (
+                LocalCluster(
+                    n_workers=count if processes else 1,
+                    threads_per_worker=1 if processes else count,
+                    processes=processes,
+                    dashboard_address=None,
+                    host="127.0.0.1",
+                    silence_logs=logging.CRITICAL,
+                ) as local,
+                Client(local) as client,
+            ):
+                yield _ready(client)
+
+
+def _connect(address: str | None) -> Iterator[Client]:
+    try:
+        client = Client(address, timeout=WORKER_PATIENCE)
+    except (OSError, ValueError) as error:
+        raise InvalidInput([f"cluster.address: no scheduler answers at {address}: {error}"]) from None
+    with client:
+        yield _ready(client)
+
+
+def _ready(client: Client) -> Client:
+    try:
+        client.wait_for_workers(1, timeout=WORKER_PATIENCE)
+    except TimeoutError:
+        raise InvalidInput([f"cluster: no worker came within {WORKER_PATIENCE} s"]) from None
+    client.register_plugin(OneThreadEach())
+    return client
+
+
+def worker_count(client: Client | None) -> int:
+    """Return how many chunks can be computed at once."""
+    return 1 if client is None else max(1, sum(client.nthreads().values()))

@@ -1,0 +1,191 @@
+"""The whole chain at one operating point, readable or as JSON."""
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from chatter_core.chain import Structure, structure
+from chatter_core.errors import InvalidInput
+from chatter_core.floquet import MethodSettings
+from chatter_core.lobes import evaluate_to_tolerance, lobe_block
+from chatter_core.machine import Machine
+from chatter_core.reading import sentences
+from chatter_core.tip import AXES
+from chatter_core.units import si_factor
+from chatter_core.variables import BIFURCATION, MODAL_PARAMETERS, STATUS
+from pipeline.configuration import compose_settings, sort_words
+
+#: Modes kept on each axis of a spindle unless told otherwise.
+USUAL_MODES = 4
+
+
+class PointOptions(BaseModel):
+    """What ``point`` takes beside machine and method."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    spindle_speed_rpm: float = Field(gt=0, le=1e6, description="spindle speed")
+    axial_depth_mm: float = Field(gt=0, le=1e4, description="axial depth of cut")
+    preload_n: float | None = Field(default=None, gt=0, le=1e6, description="axial preload on every single bearing")
+    modes: int | None = Field(default=None, ge=1, le=100, description="modes kept on each axis")
+    modal_parameters: str = Field(default="dynamic", pattern=f"^({'|'.join(MODAL_PARAMETERS)})$", description="")
+    format: str = Field(default="text", pattern="^(text|json)$", description="text or json")
+    output: Path | None = Field(default=None, description="folder for point.json")
+
+
+def run(words: list[str]) -> int:
+    """Answer one operating point; return the exit code."""
+    sorted_words = sort_words(words, tuple(PointOptions.model_fields))
+    try:
+        options = PointOptions.model_validate(sorted_words.options)
+    except ValidationError as error:
+        raise InvalidInput(sentences(error, PointOptions)) from None
+    settings = compose_settings(sorted_words)
+    machine = settings.machine
+    if options.preload_n is not None:
+        if machine.spindle is None:
+            raise InvalidInput(["preload_n: not allowed for a machine of measured tip modes, which knows no preload"])
+        machine = machine.with_preload(options.preload_n)
+    answer = answer_point(machine, options, settings.method, settings.grid.axial_depth_mm.points())
+    text = json.dumps(answer, indent=2)
+    if options.output is not None:
+        options.output.mkdir(parents=True, exist_ok=True)
+        (options.output / "point.json").write_text(text + "\n")
+    print(text if options.format == "json" else _readable(answer, options))
+    if answer["status"] != "ok":
+        print(f"error: no result at this point, status {answer['status']}: {answer['reason']}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def answer_point(
+    machine: Machine, options: PointOptions, method: MethodSettings, depths_mm: np.ndarray
+) -> dict[str, Any]:
+    """Return what is known of an operating point, in the units of the keys.
+
+    Limit depths are looked for on the grid ``depths_mm``.
+    """
+    speed = np.array([options.spindle_speed_rpm * si_factor("spindle_speed_rpm")])
+    depth = np.array([options.axial_depth_mm * si_factor("axial_depth_mm")])
+    count = options.modes or (USUAL_MODES if machine.tip is None else _fewest_modes(machine))
+    built = structure(machine, speed, mode_count=count, modal_parameters=options.modal_parameters)
+    stability, error = evaluate_to_tolerance(machine, built, depth, method)
+    block = lobe_block(
+        machine,
+        spindle_speed=speed,
+        axial_depth=depths_mm * si_factor("axial_depth_mm"),
+        mode_count=count,
+        modal_parameters=options.modal_parameters,
+        method=method,
+    )
+    status = _name(STATUS, stability.status[0])
+    multiplier = complex(stability.multiplier[0])
+    return {
+        "bearings": _bearings(machine, built),
+        "modes": _modes(built),
+        "spectral_radius": _number(stability.spectral_radius[0]),
+        "floquet_multiplier": [_number(multiplier.real), _number(multiplier.imag)],
+        "bifurcation": _name(BIFURCATION, stability.bifurcation[0]),
+        "chatter_frequency_hz": _number(stability.chatter_frequency[0] / si_factor("chatter_frequency_hz")),
+        "limit_depths_mm": [float(f"{d / si_factor('depth_mm'):.6g}") for d in block.limit_depth[0] if math.isfinite(d)],
+        "dominant_mode": int(stability.dominant_mode[0]) or None,
+        "mode_shares": [_number(share) for share in stability.mode_share[0]],
+        "method": method.name,
+        "error_estimate": _number(error[0]),
+        "status": status,
+        "reason": _reason(built, status),
+    }
+
+
+def _reason(built: Structure, status: str) -> str:
+    if status == "ok":
+        return ""
+    if not built.solved[0]:
+        return "the bearing has no equilibrium at this speed and preload; raise the preload or lower the speed"
+    return "the Floquet analysis did not meet its tolerance; allow a larger method.tolerance"
+
+
+def _fewest_modes(machine: Machine) -> int:
+    """Return how many measured modes every axis that has any can give."""
+    assert machine.tip is not None
+    first = machine.tip.modes[0].spindle_speed
+    counts = [sum(m.axis == axis and m.spindle_speed == first for m in machine.tip.modes) for axis in AXES]
+    return min(count for count in counts if count)
+
+
+def _bearings(machine: Machine, built: Structure) -> list[dict[str, float | None]]:
+    if machine.spindle is None or built.bearing is None:
+        return []
+    state = built.bearing
+    single = {
+        "preload_n": _number(state.axial_load[0]),
+        "inner_contact_angle_deg": _number(state.inner_contact_angle[0] / si_factor("angle_deg")),
+        "outer_contact_angle_deg": _number(state.outer_contact_angle[0] / si_factor("angle_deg")),
+        "radial_stiffness_n_um": _number(state.radial_stiffness[0] / si_factor("stiffness_n_um")),
+        "axial_stiffness_n_um": _number(state.axial_stiffness[0] / si_factor("stiffness_n_um")),
+        "centrifugal_force_n": _number(state.centrifugal_force[0]),
+        "gyroscopic_moment_n_m": _number(state.gyroscopic_moment[0]),
+    }
+    return [{"position_mm": _number(seat.position / si_factor("x_mm")), **single} for seat in machine.spindle.bearings]
+
+
+def _modes(built: Structure) -> list[dict[str, Any]]:
+    modes = built.modes
+    return [
+        {
+            "axis": AXES[modes.axis[i]],
+            "natural_frequency_hz": _number(modes.natural_frequency[0, i] / si_factor("frequency_hz")),
+            "damping_ratio": _number(modes.damping_ratio[0, i]),
+            "modal_stiffness_n_um": _number(modes.modal_stiffness[0, i] / si_factor("stiffness_n_um")),
+            "modal_mass_kg": _number(modes.modal_mass[0, i]),
+        }
+        for i in range(len(modes))
+    ]
+
+
+def _number(value: Any) -> float | None:
+    """Return a plain number to ten digits, None for what is not known."""
+    return float(f"{float(value):.10g}") if math.isfinite(value) else None
+
+
+def _name(codes: dict[str, int], code: Any) -> str:
+    return next(name for name, number in codes.items() if number == int(code))
+
+
+def _readable(answer: dict[str, Any], options: PointOptions) -> str:
+    """Return the answer as text for a terminal."""
+    lines = [f"{options.spindle_speed_rpm:g} rpm, {options.axial_depth_mm:g} mm deep, {options.modal_parameters} parameters"]
+    if answer["bearings"]:
+        lines += ["", "bearings (each single one)"]
+        lines += [
+            f"  at {b['position_mm']:g} mm: axial load {_show(b['preload_n'])} N, contact angles "
+            f"{_show(b['inner_contact_angle_deg'])} deg inner, {_show(b['outer_contact_angle_deg'])} deg outer, "
+            f"stiffness {_show(b['radial_stiffness_n_um'])} N/um radial, {_show(b['axial_stiffness_n_um'])} N/um axial"
+            for b in answer["bearings"]
+        ]
+    lines += ["", "modes at the tool tip", "  axis   frequency Hz   damping ratio   stiffness N/um      mass kg"]
+    lines += [
+        f"  {m['axis']:4} {_show(m['natural_frequency_hz']):>14} {_show(m['damping_ratio']):>15} "
+        f"{_show(m['modal_stiffness_n_um']):>16} {_show(m['modal_mass_kg']):>12}"
+        for m in answer["modes"]
+    ]
+    if answer["status"] == "ok":
+        verdict = "stable" if answer["spectral_radius"] < 1.0 else "chatter"
+        limits = ", ".join(f"{d:.4g} mm" for d in answer["limit_depths_mm"]) or "none on the grid of depths"
+        lines += [
+            "",
+            f"{verdict}: spectral radius {answer['spectral_radius']:.6g} (error about {answer['error_estimate']:.1e}), "
+            f"{answer['bifurcation']}",
+            f"chatter frequency {answer['chatter_frequency_hz']:.5g} Hz, dominant mode {answer['dominant_mode']}",
+            f"limit depths at this speed: {limits}",
+        ]
+    return "\n".join(lines)
+
+
+def _show(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"

@@ -1,0 +1,170 @@
+"""Tables, figures and the page of a computed study."""
+
+import base64
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from jinja2 import Environment, PackageLoader, select_autoescape
+
+from chatter_core.errors import InvalidInput
+from chatter_core.variables import STATUS
+from pipeline import figures, store, tables
+from pipeline.configuration import sort_words
+from pipeline.lobes import crossover_speeds, most_misjudged, stability_limit
+
+#: Rows of a table on the page; the CSV files hold all.
+PAGE_ROWS = 24
+CAPTIONS = {
+    "lobes": "The boundary with all modes: bearings at the spindle's speed, and frozen at standstill.",
+    "lobes_by_preload": "The boundary for each preload, bearings at the spindle's speed.",
+    "lobes_by_mode_count": "The boundary for each number of modes kept.",
+    "spectral_radius": "Spectral radius over speed and depth; the black line is the boundary.",
+    "dominant_mode": "The mode that holds the largest share of the critical motion's energy.",
+    "modes": "Modes at the tool tip over speed.",
+    "bearing": "One bearing over speed, for each preload.",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageTable:
+    """Table on the page."""
+
+    title: str
+    columns: list[str]
+    rows: list[list[str]]
+
+
+def run(words: list[str]) -> int:
+    """Write the report of a folder again; return the exit code."""
+    options = sort_words(words, ("output",)).options
+    if "output" not in options:
+        raise InvalidInput(["output: missing; needed: the folder of a computed study"])
+    output = Path(options["output"])
+    if not (output / "lobes.zarr" / "zarr.json").exists():
+        raise InvalidInput([f"output: {output} holds no lobes.zarr; compute it with: python -m pipeline sweep"])
+    for file in write(output):
+        print(f"written: {file}")
+    return 0
+
+
+def write(output: Path) -> list[Path]:
+    """Write tables, figures and report.html of the store in a folder; return the paths."""
+    with store.open_lobes(output / "lobes.zarr") as opened:
+        lobes = opened.load()
+    preload = _shown_preload(lobes)
+    written = [*tables.write(lobes, output / "tables"), *figures.write(lobes, output / "figures", preload)]
+    pictures = [path for path in written if path.suffix == ".png"]
+    page = output / "report.html"
+    page.write_text(_page(lobes, preload, pictures), encoding="utf-8")
+    return [*written, page]
+
+
+def _shown_preload(lobes: xr.Dataset) -> float:
+    """Return the preload that is shown alone: the machine's own where the grid has it, else the first."""
+    own = lobes.attrs["settings"]["machine"].get("spindle", {}).get("preload_n")
+    values = lobes["preload"].values
+    return float(own) if own in values else float(values[0])
+
+
+def _page(lobes: xr.Dataset, preload: float, pictures: list[Path]) -> str:
+    environment = Environment(loader=PackageLoader("pipeline"), autoescape=select_autoescape())
+    attributes = lobes.attrs
+    status = lobes["status"].values
+    return environment.get_template("report.html").render(
+        title=attributes["title"],
+        subtitle=f"{status.size} operating points, computed {attributes['created']}",
+        warnings=_warnings(status),
+        findings=_findings(lobes, preload),
+        tables=[_limits_table(lobes, preload), _crossover_table(lobes)],
+        figures=[
+            {"caption": CAPTIONS[path.stem], "data": base64.b64encode(path.read_bytes()).decode()} for path in pictures
+        ],
+        provenance=_provenance(attributes),
+        settings=json.dumps(attributes["settings"], indent=1),
+    )
+
+
+def _warnings(status: np.ndarray) -> list[str]:
+    return [
+        f"{count} of {status.size} points have no result: {name.replace('_', ' ')}."
+        for name, code in STATUS.items()
+        if name != "ok" and (count := int((status == code).sum()))
+    ]
+
+
+def _findings(lobes: xr.Dataset, preload: float) -> list[str]:
+    """Return what the study says, in sentences."""
+    modes = int(lobes["mode_count"].max())
+    limit = stability_limit(lobes).isel(modal_parameters=0).sel(preload=preload, mode_count=modes)
+    found = []
+    if bool(limit.notnull().any()):
+        least, best = limit.argmin("spindle_speed"), (limit * limit["spindle_speed"]).argmax("spindle_speed")
+        found.append(
+            f"The shallowest limit is {float(limit[least]):.3g} mm at {float(limit['spindle_speed'][least]):.0f} rpm; "
+            f"depth times speed is largest at {float(limit['spindle_speed'][best]):.0f} rpm with {float(limit[best]):.3g} mm."
+        )
+    handed = crossover_speeds(lobes)
+    first = handed[
+        (handed["modal_parameters"] == limit["modal_parameters"].item())
+        & (handed["preload"] == preload)
+        & (handed["mode_count"] == modes)
+    ]
+    if len(first):
+        row = first.iloc[0]
+        found.append(
+            f"Crossover: up to {row['crossover_rpm']:.0f} rpm mode {row['from_mode']} sets the boundary, "
+            f"then mode {row['to_mode']}."
+        )
+    misjudged = most_misjudged(lobes, preload, modes)
+    if misjudged:
+        found.append(
+            f"At {misjudged.spindle_speed_rpm:.0f} rpm lobes from the standing spindle promise "
+            f"{misjudged.static_limit_mm:.3g} mm where the running one allows {misjudged.dynamic_limit_mm:.3g} mm."
+        )
+    error = float(np.nanmax(lobes["error_estimate"].values)) if lobes["error_estimate"].notnull().any() else np.nan
+    found.append(f"Estimated error of the spectral radius near the boundary: at most {error:.1e}.")
+    return found
+
+
+def _limits_table(lobes: xr.Dataset, preload: float) -> PageTable:
+    """Return limit depths at some speeds, a column for each kind of parameters and number of modes."""
+    limit = stability_limit(lobes).sel(preload=preload)
+    step = max(1, -(-limit.sizes["spindle_speed"] // PAGE_ROWS))
+    chosen = limit.isel(spindle_speed=slice(None, None, step)).transpose("spindle_speed", ...)
+    columns = [f"{p}, {m} modes" for p in limit["modal_parameters"].values for m in limit["mode_count"].values]
+    rows = [
+        [f"{float(row['spindle_speed']):.0f}", *(_cell(v) for v in row.transpose("modal_parameters", ...).values.ravel())]
+        for row in chosen
+    ]
+    return PageTable(title="Limit depth in mm", columns=["spindle speed, rpm", *columns], rows=rows)
+
+
+def _crossover_table(lobes: xr.Dataset) -> PageTable:
+    frame: pd.DataFrame = crossover_speeds(lobes)
+    frame = frame[frame["mode_count"] == int(lobes["mode_count"].max())].head(PAGE_ROWS)
+    columns = ["parameters", "preload, N", "modes", "speed, rpm", "from mode", "to mode"]
+    rows = [[_cell(v) for v in row] for row in frame.itertuples(index=False)]
+    return PageTable(title="Where one mode hands the boundary over to another", columns=columns, rows=rows)
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    return "above the grid" if np.isnan(value) else f"{float(value):.5g}"
+
+
+def _provenance(attributes: dict[str, Any]) -> list[tuple[str, str]]:
+    versions = ", ".join(f"{name} {number}" for name, number in attributes["versions"].items())
+    return [
+        ("fingerprint", attributes["fingerprint"]),
+        ("command", "python -m pipeline sweep " + " ".join(attributes["command"])),
+        ("code", attributes["code"]),
+        ("versions", versions),
+        ("platform", attributes["platform"]),
+        *((f"run {i}", line) for i, line in enumerate(attributes["history"], start=1)),
+    ]

@@ -1,0 +1,162 @@
+"""Settings of a run, validated: machine, grid, method, cluster."""
+
+import hashlib
+import json
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from chatter_core.floquet import MethodSettings
+from chatter_core.machine import Machine
+from chatter_core.variables import MODAL_PARAMETERS
+
+#: Raised when the meaning of what a store holds changes.
+STORE_VERSION = 1
+#: A grid with more cells than this is refused before anything is allocated: 2e9 cells take 110 GB.
+MOST_CELLS = 2_000_000_000
+
+
+class Part(BaseModel):
+    """Base of a part of the settings."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Axis(Part):
+    """Axis of a grid: start, stop and count, or a list of values; ascending."""
+
+    start: float | None = Field(default=None, description="first value")
+    stop: float | None = Field(default=None, description="last value")
+    count: Annotated[int, Field(ge=1, le=1_000_000)] | None = Field(default=None, description="number of values")
+    values: Annotated[tuple[float, ...], Field(min_length=1, max_length=1_000_000)] | None = Field(
+        default=None, description="the values themselves, ascending"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _list_or_number(cls, given: Any) -> Any:
+        if isinstance(given, list | tuple):
+            return {"values": given}
+        return {"values": [given]} if isinstance(given, int | float | str) else given
+
+    @model_validator(mode="after")
+    def _one_way_to_say_it(self) -> Self:
+        regular = [self.start, self.stop, self.count]
+        if regular.count(None) != (0 if self.values is None else 3):
+            raise ValueError("an axis takes either start, stop and count, or a list of values")
+        points = self.points()
+        if points[0] <= 0.0:
+            raise ValueError(f"found {points[0]:g}, allowed: more than 0")
+        if np.any(np.diff(points) <= 0.0):
+            raise ValueError("values must ascend, none of them twice (start below stop)")
+        return self
+
+    def points(self) -> np.ndarray:
+        """Return the values of the axis, in the unit of its key."""
+        if self.values is not None:
+            return np.array(self.values, dtype=float)
+        assert self.start is not None and self.stop is not None and self.count is not None
+        return np.linspace(self.start, self.stop, self.count) if self.count > 1 else np.array([self.start])
+
+
+class Grid(Part):
+    """Grid of a sweep; every combination of its axes is a cell."""
+
+    spindle_speed_rpm: Axis = Field(description="spindle speeds")
+    axial_depth_mm: Axis = Field(description="axial depths")
+    preload_n: Axis | None = Field(default=None, description="preloads; without it the spindle's own")
+    mode_count: Axis = Field(description="numbers of modes kept on each axis")
+    modal_parameters: tuple[Literal["dynamic", "static"], ...] = Field(
+        default=("dynamic",), min_length=1, max_length=2, description="bearings at speed, at standstill, or both"
+    )
+
+    @model_validator(mode="after")
+    def _is_a_grid(self) -> Self:
+        counts = self.mode_count.points()
+        if np.any(counts != np.rint(counts)) or counts[-1] > 100:
+            raise ValueError("mode_count: allowed: whole numbers from 1 to 100")
+        if len(set(self.modal_parameters)) < len(self.modal_parameters):
+            raise ValueError(f"modal_parameters: allowed: {', '.join(MODAL_PARAMETERS)}, each once")
+        if self.spindle_speed_rpm.points()[-1] > 1e6:
+            raise ValueError("spindle_speed_rpm: allowed: at most 1e6")
+        if self.axial_depth_mm.points()[-1] > 1e4:
+            raise ValueError("axial_depth_mm: allowed: at most 1e4")
+        axes = (self.spindle_speed_rpm, self.axial_depth_mm, self.mode_count, self.preload_n)
+        cells = len(self.modal_parameters) * int(np.prod([len(axis.points()) for axis in axes if axis], dtype=object))
+        if cells > MOST_CELLS:
+            raise ValueError(f"found {cells} cells, allowed: at most {MOST_CELLS}")
+        return self
+
+
+class Cluster(Part):
+    """Where the chunks are computed."""
+
+    kind: Literal["serial", "threads", "local", "address"] = Field(description="where the chunks are computed")
+    workers: Annotated[int, Field(ge=1, le=1024)] | None = Field(default=None, description="workers; none: one a core")
+    address: str | None = Field(default=None, description="address of a running scheduler")
+    cells_per_task: int = Field(
+        default=1500, ge=1, le=10_000_000, description="cells of a chunk; about a second at a millisecond a cell"
+    )
+
+    @model_validator(mode="after")
+    def _keys_belong_to_kind(self) -> Self:
+        if (self.kind == "address") != (self.address is not None):
+            raise ValueError("address: needed for kind 'address', and only there (tcp://host:port)")
+        if self.workers is not None and self.kind in ("serial", "address"):
+            raise ValueError(f"workers: not allowed for kind '{self.kind}'")
+        return self
+
+
+class Settings(Part):
+    """Everything that a run needs to know."""
+
+    study: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")] = Field(description="name of the study")
+    machine: Machine = Field(description="the machine and its cut")
+    grid: Grid = Field(description="grid of a sweep")
+    method: MethodSettings = Field(description="method of Floquet analysis")
+    cluster: Cluster = Field(description="where the chunks are computed")
+
+    @model_validator(mode="after")
+    def _preload_belongs_to_a_spindle(self) -> Self:
+        if self.grid.preload_n is not None and self.machine.spindle is None:
+            raise ValueError(
+                "grid.preload_n: not allowed for a machine of measured tip modes, which knows no preload; "
+                "say grid.preload_n=null"
+            )
+        return self
+
+    @property
+    def preloads(self) -> np.ndarray:
+        """Preloads of the sweep [N]; one zero for a machine that knows none."""
+        if self.grid.preload_n is not None:
+            return self.grid.preload_n.points()
+        return np.array([self.machine.spindle.preload if self.machine.spindle else 0.0])
+
+    def scientific(self) -> dict[str, Any]:
+        """Return what the numbers of a run depend on, as plain data."""
+        return {
+            "store_version": STORE_VERSION,
+            "machine": self.machine.described(),
+            "grid": self.grid.model_dump(mode="json", exclude_none=True),
+            "method": self.method.model_dump(mode="json", exclude_none=True),
+        }
+
+    def fingerprint(self) -> str:
+        """Return a digest of the scientific settings."""
+        canonical = json.dumps(self.scientific(), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def differing_keys(one: dict[str, Any], other: dict[str, Any]) -> list[str]:
+    """Return the dotted keys whose values differ between two sets of plain data."""
+    flat = [dict(_flatten(data, "")) for data in (one, other)]
+    return sorted(key for key in flat[0].keys() | flat[1].keys() if flat[0].get(key) != flat[1].get(key))
+
+
+def _flatten(data: Any, prefix: str) -> list[tuple[str, Any]]:
+    if isinstance(data, dict):
+        return [pair for key, value in data.items() for pair in _flatten(value, f"{prefix}.{key}" if prefix else key)]
+    if isinstance(data, list | tuple):
+        return [pair for i, value in enumerate(data) for pair in _flatten(value, f"{prefix}[{i}]")]
+    return [(prefix, data)]

@@ -1,0 +1,250 @@
+"""The Zarr store of a sweep: template, chunks, completion, provenance.
+
+One task owns exactly one chunk of every variable: one modal-parameter choice, one preload, one mode
+count, a block of speeds, all depths. Its status is written last, so a chunk is complete when its
+status has no zero left; a chunk equal to the fill value is never written, hence status 0 is pending.
+"""
+
+import platform
+import subprocess
+import sys
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+import zarr
+from zarr.codecs import Crc32cCodec, ZstdCodec
+
+from chatter_core.chain import structure_variables
+from chatter_core.lobes import CROSSINGS, LobeBlock
+from chatter_core.tip import AXES
+from chatter_core.units import SUFFIXES
+from chatter_core.variables import CELL_STATUS, STRUCTURE, SWEEP, Variable
+from pipeline.settings import Settings
+
+OUTER = 3  # dimensions before the speed: modal parameters, preload, mode count
+COORDINATES = {
+    "modal_parameters": ("", "bearings at the spindle's speed (dynamic) or at standstill (static)"),
+    "preload": ("n", "axial preload on every single bearing"),
+    "mode_count": ("", "number of modes kept on each axis"),
+    "spindle_speed": ("rpm", "spindle speed"),
+    "axial_depth": ("mm", "axial depth of cut"),
+    "crossing": ("", "crossing of the boundary, from the shallowest: stability is lost at odd, regained at even ones"),
+    "mode": ("", "number of the mode on its axis, by frequency at standstill"),
+    "axis": ("", "direction; x is the feed direction"),
+}
+
+
+@dataclass(frozen=True, kw_only=True, order=True)
+class Chunk:
+    """Place of a chunk: indices of the outer dimensions and the range of speeds."""
+
+    outer: tuple[int, int, int]
+    first: int
+    last: int
+
+    @property
+    def region(self) -> tuple[Any, ...]:
+        """Index of the chunk in a variable; dimensions behind the speed are taken whole."""
+        return (*self.outer, slice(self.first, self.last))
+
+
+def coordinates(settings: Settings) -> dict[str, np.ndarray]:
+    """Return the values of every dimension, in the units of the border."""
+    counts = settings.grid.mode_count.points().astype(int)
+    return {
+        "modal_parameters": np.array(settings.grid.modal_parameters, dtype=np.dtypes.StringDType()),
+        "preload": settings.preloads,
+        "mode_count": counts,
+        "spindle_speed": settings.grid.spindle_speed_rpm.points(),
+        "axial_depth": settings.grid.axial_depth_mm.points(),
+        "crossing": np.arange(1, CROSSINGS + 1),
+        "mode": np.arange(1, counts[-1] + 1),
+        "axis": np.array(AXES, dtype=np.dtypes.StringDType()),
+    }
+
+
+def create(path: Path, settings: Settings, argv: list[str]) -> None:
+    """Write the template of a store, with coordinates, structure and provenance.
+
+    Raises InvalidInput when the machine cannot give what the grid asks for.
+    """
+    values = coordinates(settings)
+    # The structure comes first: what it refuses must not leave a store behind.
+    structure = _structure(settings, values)
+    group = zarr.create_group(path, overwrite=True)
+    for name, points in values.items():
+        suffix, doc = COORDINATES[name]
+        _array(group, name, (name,), points.shape, points.shape, points.dtype, _attributes(suffix, doc))[...] = points
+    for name, variable in STRUCTURE.items():
+        array = _variable(group, name, variable, values, whole=True)
+        array[...] = structure[name]
+    depths = len(values["axial_depth"])
+    block = max(1, min(len(values["spindle_speed"]), settings.cluster.cells_per_task // depths))
+    for name, variable in {**SWEEP, "status": CELL_STATUS}.items():
+        _variable(group, name, variable, values, whole=False, block=block)
+    group.attrs.update(
+        {
+            "Conventions": "CF-1.11",
+            "title": f"Stability lobes of study {settings.study}",
+            "study": settings.study,
+            "fingerprint": settings.fingerprint(),
+            "settings": settings.scientific(),
+            "speeds_per_chunk": block,
+            "history": [],
+            "complete": False,
+            **provenance(argv),
+        }
+    )
+
+
+def _structure(settings: Settings, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return every structure variable over its whole extent, in the units of the border."""
+    speed = values["spindle_speed"] * SUFFIXES["rpm"][0]
+    arrays = {
+        name: np.empty([len(values[dim]) for dim in variable.dims], dtype=variable.dtype)
+        for name, variable in STRUCTURE.items()
+    }
+    for i, parameters in enumerate(settings.grid.modal_parameters):
+        for j, preload in enumerate(values["preload"]):
+            machine = settings.machine.with_preload(float(preload)) if settings.machine.spindle else settings.machine
+            found = structure_variables(
+                machine, speed, mode_count=int(values["mode_count"][-1]), modal_parameters=parameters
+            )
+            for name, array in found.items():
+                arrays[name][i, j] = array / STRUCTURE[name].si_factor
+    return arrays
+
+
+def _attributes(suffix: str, doc: str) -> dict[str, Any]:
+    return {"long_name": doc, **({"units": SUFFIXES[suffix][1]} if suffix else {})}
+
+
+def _variable(
+    group: zarr.Group, name: str, variable: Variable, values: dict[str, np.ndarray], *, whole: bool, block: int = 0
+) -> zarr.Array[Any]:
+    shape = tuple(len(values[dim]) for dim in variable.dims)
+    chunks = shape if whole else (*(1,) * OUTER, block, *shape[OUTER + 1 :])
+    attributes = {"long_name": variable.doc, "units": variable.unit}
+    return _array(group, name, variable.dims, shape, chunks, np.dtype(variable.dtype), attributes)
+
+
+def _array(
+    group: zarr.Group,
+    name: str,
+    dims: tuple[str, ...],
+    shape: tuple[int, ...],
+    chunks: tuple[int, ...],
+    dtype: Any,
+    attributes: dict[str, Any],
+) -> zarr.Array[Any]:
+    return group.create_array(
+        name,
+        shape=shape,
+        chunks=chunks,
+        dtype=dtype,
+        fill_value=np.nan if np.dtype(dtype).kind == "f" else ("" if np.dtype(dtype).kind == "T" else 0),
+        # The checksum is taken last, of what lies on the disk: without it a flipped bit is read silently.
+        compressors=[ZstdCodec(level=1), Crc32cCodec()],
+        dimension_names=dims,
+        attributes=attributes,
+    )
+
+
+def chunks(group: zarr.Group) -> list[Chunk]:
+    """Return every chunk of a store, in the order in which they are computed."""
+    status = group["status"]
+    assert isinstance(status, zarr.Array)
+    speeds, block = status.shape[OUTER], int(str(group.attrs["speeds_per_chunk"]))
+    return [
+        Chunk(outer=(outer[0], outer[1], outer[2]), first=first, last=min(first + block, speeds))
+        for outer in np.ndindex(*status.shape[:OUTER])
+        for first in range(0, speeds, block)
+    ]
+
+
+def status_of(group: zarr.Group, chunk: Chunk) -> np.ndarray:
+    """Return the status of a chunk's cells (speed, depth)."""
+    status = group["status"]
+    assert isinstance(status, zarr.Array)
+    return np.asarray(status[chunk.region])
+
+
+@lru_cache(maxsize=4)
+def open_group(path: Path) -> zarr.Group:
+    """Open a store for writing chunks; once a process, since opening costs more than a chunk."""
+    return zarr.open_group(path, mode="r+")
+
+
+def write_chunk(path: Path, chunk: Chunk, block: LobeBlock) -> None:
+    """Write every variable of a chunk, its status last."""
+    group = open_group(path)
+    for name, variable in SWEEP.items():
+        array = group[name]
+        assert isinstance(array, zarr.Array)
+        array[chunk.region] = getattr(block, name) / variable.si_factor if variable.suffix else getattr(block, name)
+    status = group["status"]
+    assert isinstance(status, zarr.Array)
+    status[chunk.region] = block.status
+
+
+def mark_chunk(path: Path, chunk: Chunk, code: int) -> None:
+    """Give every cell of a chunk a status, without results."""
+    status = open_group(path)["status"]
+    assert isinstance(status, zarr.Array)
+    status[chunk.region] = code
+
+
+def clear_partial(path: Path) -> None:
+    """Remove what a writer that was killed left half-written."""
+    for leftover in path.rglob("*.partial"):
+        leftover.unlink(missing_ok=True)
+
+
+def open_lobes(path: Path) -> xr.Dataset:
+    """Open a store as a dataset, lazily."""
+    return xr.open_zarr(path, consolidated=False)
+
+
+def now() -> str:
+    """Return the time, to the second, in UTC."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def provenance(argv: list[str]) -> dict[str, Any]:
+    """Return where a store comes from: code, versions, command."""
+    packages = ("milling-chatter", "numpy", "scipy", "dask", "zarr", "xarray")
+    return {
+        "created": now(),
+        "command": argv,
+        "versions": {"python": platform.python_version(), **{name: _version(name) for name in packages}},
+        "platform": f"{sys.platform} {platform.machine()}",
+        "code": _code_version(),
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _code_version() -> str:
+    """Return the commit of the code, and whether it was changed since; "released" outside a checkout."""
+    here = Path(__file__).resolve().parent
+
+    def git(*words: str) -> str:
+        return subprocess.run(["git", "-C", str(here), *words], capture_output=True, text=True, check=True).stdout.strip()
+
+    try:
+        if Path(git("rev-parse", "--show-toplevel")) != here.parent:
+            return "released"
+        return git("rev-parse", "HEAD") + (" with changes" if git("status", "--porcelain", "--untracked-files=no") else "")
+    except (OSError, subprocess.CalledProcessError):
+        return "released"

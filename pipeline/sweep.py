@@ -1,0 +1,265 @@
+"""The main job: a grid of operating points into a store, resumable after any interruption."""
+
+import json
+import os
+import signal
+import socket
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+import yaml
+import zarr
+from distributed import Client, as_completed
+from distributed.scheduler import KilledWorker
+from filelock import FileLock, Timeout
+
+from chatter_core.errors import InvalidInput
+from chatter_core.variables import STATUS
+from pipeline import report, store
+from pipeline.cluster import open_client, worker_count
+from pipeline.configuration import compose_settings, sort_words
+from pipeline.errors import StoreInUse
+from pipeline.progress import Journal, Meter
+from pipeline.settings import Settings, differing_keys
+from pipeline.store import Chunk
+from pipeline.task import KERNEL, Record, Task, compute_chunk
+
+OPTIONS = ("output", "retry_failed")
+#: Tasks handed out beyond those being computed, for each worker.
+WINDOW = 3
+#: Attempts at a chunk whose worker died.
+RETRIES = 2
+
+
+class Stopped(Exception):
+    """A signal asked the run to stop; the store is resumable."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        super().__init__(signal.Signals(number).name)
+
+
+@dataclass
+class Stopping:
+    """Remembers that a signal asked for the end; a second one ends at once."""
+
+    number: int = 0
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        if self.number:
+            raise KeyboardInterrupt
+        self.number = number
+        print("\nstopping: waiting for the chunks in progress (once more to stop at once)", file=sys.stderr, flush=True)
+
+
+def run(words: list[str]) -> int:
+    """Run a sweep from the words of a command line; return the exit code."""
+    sorted_words = sort_words(words, OPTIONS)
+    settings = compose_settings(sorted_words)
+    retry = sorted_words.options.get("retry_failed", "false").lower()
+    if retry not in ("true", "false"):
+        raise InvalidInput([f"retry_failed: found {retry!r}, allowed: true, false"])
+    named = sorted_words.options.get("output")
+    output = Path(named) if named else Path("results") / f"{settings.study}-{settings.fingerprint()[:8]}"
+    return execute(settings, output, retry_failed=retry == "true", argv=words)
+
+
+def execute(
+    settings: Settings, output: Path, *, retry_failed: bool = False, argv: list[str] | None = None, kernel: str = KERNEL
+) -> int:
+    """Compute what is missing in the store of a study and write its report.
+
+    Returns 0 when every cell is ok, 1 when some are marked as failed, 130 or 143 when stopped by a
+    signal. Raises InvalidInput when the folder holds another study, StoreInUse when another run
+    works on it.
+    """
+    path = output / "lobes.zarr"
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInput([f"output: {output} cannot be used as a folder: {error.strerror}"]) from None
+    with _locked(output):
+        _prepare(settings, output, path, argv or [])
+        journal = Journal(output / "journal.jsonl")
+        journal.write("start", argv=argv or [], pid=os.getpid(), host=socket.gethostname())
+        try:
+            _compute(settings, path, journal, retry_failed, kernel)
+        except Stopped as stop:
+            journal.write("stopped", signal=str(stop))
+            again = f"python -m pipeline sweep {' '.join(argv)}" if argv else "the same command"
+            print(f"stopped; nothing is lost. Go on with: {again}", file=sys.stderr)
+            return 128 + stop.number
+        return _finish(output, path, journal)
+
+
+@contextmanager
+def _locked(output: Path) -> Iterator[None]:
+    """Hold the folder for this run; the lock frees itself when the process dies, however it dies."""
+    holder = output / "lock.json"
+    lock = FileLock(output / ".lock", timeout=0)
+    try:
+        lock.acquire()
+    except Timeout:
+        try:
+            said = json.loads(holder.read_text())
+            who = f"process {said['pid']} on {said['host']} since {said['since']}"
+        except (OSError, ValueError, KeyError):
+            who = "another process"
+        raise StoreInUse(f"{output}: in use by {who}; wait for it, or choose another folder with output=DIR") from None
+    try:
+        holder.write_text(json.dumps({"pid": os.getpid(), "host": socket.gethostname(), "since": store.now()}))
+        yield
+    finally:
+        holder.unlink(missing_ok=True)
+        lock.release()
+
+
+def _prepare(settings: Settings, output: Path, path: Path, argv: list[str]) -> None:
+    """Create the store, or check that the one that is there belongs to these settings."""
+    record = output / "settings.yaml"
+    if record.exists() and path.exists():
+        existing = dict(zarr.open_group(path, mode="r").attrs)
+        if existing.get("fingerprint") != settings.fingerprint():
+            wanted = json.loads(json.dumps(settings.scientific()))
+            keys = differing_keys(existing.get("settings", {}), wanted)
+            shown = ", ".join(keys[:12]) + (f" and {len(keys) - 12} more" if len(keys) > 12 else "")
+            raise InvalidInput([f"{output}: holds a study with other settings; they differ in: {shown}"])
+        store.clear_partial(path)
+        return
+    if any(entry.name not in (".lock", "lock.json", "lobes.zarr") for entry in output.iterdir()):
+        raise InvalidInput([f"{output}: holds files that are no study; choose an empty folder with output=DIR"])
+    # The record is written after the template, so a template that was cut short is made again.
+    store.create(path, settings, argv)
+    record.write_text(yaml.safe_dump({"study": settings.study, **settings.scientific()}, sort_keys=False))
+
+
+def _compute(settings: Settings, path: Path, journal: Journal, retry_failed: bool, kernel: str) -> None:
+    group = store.open_group(path)
+    every = store.chunks(group)
+    pending = [chunk for chunk in every if _is_pending(store.status_of(group, chunk), retry_failed)]
+    cells = {chunk: (chunk.last - chunk.first) * _depths(group) for chunk in every}
+    total, done = sum(cells.values()), sum(cells.values()) - sum(cells[chunk] for chunk in pending)
+    if not pending:
+        return
+    _append_history(group, f"{store.now()} {len(pending)} of {len(every)} chunks to compute")
+    tasks = [Task(store=path.resolve(), chunk=chunk, kernel=kernel) for chunk in pending]
+    with _signals() as stopping, open_client(settings.cluster) as client, Meter(total, done) as meter:
+        results = _serial(tasks, stopping) if client is None else _distributed(tasks, client, stopping)
+        for record in results:
+            journal.write(
+                "chunk",
+                outer=list(record.chunk.outer),
+                speeds=[record.chunk.first, record.chunk.last],
+                counts=record.counts,
+                seconds=round(record.seconds, 4),
+                **({"errors": list(record.errors)} if record.errors else {}),
+            )
+            meter.advance(cells[record.chunk])
+        if stopping.number:
+            raise Stopped(stopping.number)
+
+
+def _is_pending(status: np.ndarray, retry_failed: bool) -> bool:
+    failed = bool((status > STATUS["ok"]).any())
+    return bool((status == STATUS["pending"]).any()) or (retry_failed and failed)
+
+
+def _depths(group: zarr.Group) -> int:
+    status = group["status"]
+    assert isinstance(status, zarr.Array)
+    return int(status.shape[-1])
+
+
+def _append_history(group: zarr.Group, line: str) -> None:
+    history: Any = group.attrs["history"]
+    group.attrs["history"] = [*history, line]
+
+
+@contextmanager
+def _signals() -> Iterator[Stopping]:
+    """Turn SIGINT and SIGTERM into a wish to stop, for as long as chunks are computed."""
+    stopping = Stopping()
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = {number: signal.signal(number, stopping) for number in numbers}
+    try:
+        yield stopping
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _serial(tasks: list[Task], stopping: Stopping) -> Iterator[Record]:
+    for task in tasks:
+        if stopping.number:
+            return
+        yield compute_chunk(task)
+
+
+def _distributed(tasks: list[Task], client: Client, stopping: Stopping) -> Iterator[Record]:
+    """Hand out tasks in a bounded window, so that the scheduler stays small however many there are."""
+    waiting = iter(tasks)
+    window = worker_count(client) * (1 + WINDOW)
+    running = as_completed()
+    owner: dict[str, Task] = {}
+
+    def hand_out() -> None:
+        task = None if stopping.number else next(waiting, None)
+        if task is not None:
+            future = client.submit(compute_chunk, task, pure=False, retries=RETRIES)
+            owner[future.key] = task
+            running.add(future)
+
+    for _ in range(window):
+        hand_out()
+    for future in running:
+        task = owner.pop(future.key)
+        if not future.cancelled():
+            yield _record_of(future, task)
+        if stopping.number and owner:
+            # What no worker has begun is taken back; what is in progress is waited for.
+            begun = {key for keys in client.processing().values() for key in keys}
+            for other in list(running.futures):
+                if other.key not in begun:
+                    other.cancel()
+        hand_out()
+
+
+def _record_of(future: Any, task: Task) -> Record:
+    try:
+        record: Record = future.result()
+        return record
+    except KilledWorker as error:
+        store.mark_chunk(task.store, task.chunk, STATUS["worker_lost"])
+        return Record(chunk=task.chunk, counts={"worker_lost": 1}, seconds=0.0, errors=(str(error),))
+
+
+def _finish(output: Path, path: Path, journal: Journal) -> int:
+    """Write the report and say what there is; return the exit code."""
+    group = store.open_group(path)
+    counts: dict[str, int] = {}
+    for chunk in store.chunks(group):
+        for code, count in zip(*np.unique(store.status_of(group, chunk), return_counts=True), strict=True):
+            counts[int(code)] = counts.get(int(code), 0) + int(count)
+    names = {code: name for name, code in STATUS.items()}
+    failed = {names[code]: count for code, count in counts.items() if code != STATUS["ok"]}
+    group.attrs["complete"] = STATUS["pending"] not in counts
+    written = report.write(output)
+    journal.write("end", counts={names[code]: count for code, count in counts.items()})
+    print(f"store:   {path}")
+    for file in written:
+        print(f"written: {file}")
+    if failed:
+        told = ", ".join(f"{count} {name}" for name, count in failed.items())
+        print(
+            f"{sum(failed.values())} of {sum(counts.values())} cells failed and are marked ({told}); "
+            f"see {journal.path}; compute them again with retry_failed=true",
+            file=sys.stderr,
+        )
+        return 1
+    return 0

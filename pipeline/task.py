@@ -1,0 +1,121 @@
+"""What a worker does with one chunk: compute, write, report. Idempotent, and never returns arrays."""
+
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from chatter_core.errors import InvalidInput, NoEquilibrium
+from chatter_core.floquet import MethodSettings
+from chatter_core.lobes import CROSSINGS, LobeBlock
+from chatter_core.machine import Machine
+from chatter_core.units import SUFFIXES
+from chatter_core.variables import STATUS, SWEEP
+from pipeline import store
+from pipeline.store import Chunk
+
+Kernel = Callable[..., LobeBlock]
+#: Module and function of the physics that a task computes.
+KERNEL = "chatter_core.lobes:lobe_block"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """One chunk of a store; ``kernel`` names module and function that compute it."""
+
+    store: Path
+    chunk: Chunk
+    kernel: str = KERNEL
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """What became of a chunk: cells by status, seconds, and the errors that were caught."""
+
+    chunk: Chunk
+    counts: dict[str, int]
+    seconds: float
+    errors: tuple[str, ...]
+
+
+@lru_cache(maxsize=4)
+def _described(path: Path) -> tuple[Machine, MethodSettings, dict[str, np.ndarray]]:
+    """Return machine, method and coordinates as the store holds them, once a process."""
+    group = store.open_group(path)
+    settings = cast(dict[str, Any], group.attrs["settings"])
+    names = ("modal_parameters", "preload", "mode_count", "spindle_speed", "axial_depth")
+    values = {name: np.asarray(cast(Any, group[name])[...]) for name in names}
+    return Machine.model_validate(settings["machine"]), MethodSettings.model_validate(settings["method"]), values
+
+
+def compute_chunk(task: Task) -> Record:
+    """Compute a chunk and write it.
+
+    An error in the block is narrowed down to its speeds; those are marked and the rest goes on.
+    Errors of writing are not caught: they end the run.
+    """
+    began = time.perf_counter()
+    machine, method, values = _described(task.store)
+    parameters, preload, modes = (
+        values[name][i] for name, i in zip(("modal_parameters", "preload", "mode_count"), task.chunk.outer, strict=True)
+    )
+    if machine.spindle is not None:
+        machine = machine.with_preload(float(preload))
+    module, function = task.kernel.split(":")
+    kernel: Kernel = getattr(import_module(module), function)
+    depth = values["axial_depth"] * SUFFIXES["mm"][0]
+    speed = values["spindle_speed"][task.chunk.first : task.chunk.last] * SUFFIXES["rpm"][0]
+
+    def compute(speeds: np.ndarray) -> LobeBlock:
+        return kernel(
+            machine,
+            spindle_speed=speeds,
+            axial_depth=depth,
+            mode_count=int(modes),
+            modal_parameters=str(parameters),
+            method=method,
+        )
+
+    block, errors = _guarded(compute, speed, len(depth))
+    store.write_chunk(task.store, task.chunk, block)
+    names = {code: name for name, code in STATUS.items()}
+    codes, counts = np.unique(block.status, return_counts=True)
+    return Record(
+        chunk=task.chunk,
+        counts={names[int(code)]: int(count) for code, count in zip(codes, counts, strict=True)},
+        seconds=time.perf_counter() - began,
+        errors=tuple(errors),
+    )
+
+
+def _guarded(compute: Callable[[np.ndarray], LobeBlock], speed: np.ndarray, depths: int) -> tuple[LobeBlock, list[str]]:
+    """Compute a block; where that raises, compute it speed by speed and mark those that raise."""
+    try:
+        return compute(speed), []
+    except Exception:
+        blocks, errors = [], []
+        for one in speed:
+            try:
+                blocks.append(compute(np.array([one])))
+            except Exception as error:
+                code = STATUS["outside_validity" if isinstance(error, NoEquilibrium | InvalidInput) else "not_converged"]
+                blocks.append(_marked(depths, code))
+                errors.append(f"{one / SUFFIXES['rpm'][0]:.6g} rpm: " + traceback.format_exc(limit=-3).strip())
+        joined = {f.name: np.concatenate([getattr(block, f.name) for block in blocks]) for f in fields(LobeBlock)}
+        return replace(blocks[0], **joined), errors
+
+
+def _marked(depths: int, code: int) -> LobeBlock:
+    """Return the block of one speed without results, every cell with one status."""
+    sizes = {"axial_depth": (1, depths), "crossing": (1, CROSSINGS), "spindle_speed": (1,)}
+    empty = {
+        name: np.full(sizes[v.dims[-1]], np.nan if v.dtype.startswith("f") else 0, dtype=v.dtype)
+        for name, v in SWEEP.items()
+    }
+    return LobeBlock(**empty, status=np.full((1, depths), code, dtype=np.uint8))
