@@ -34,6 +34,8 @@ PATH_STEP = 250.0 * 2.0 * math.pi / 60.0
 HALVINGS = 8
 #: Residual force that counts as equilibrium, relative to the largest force on the ball.
 FORCE_TOLERANCE = 1e-12
+#: Rounding of a distance, relative to it.
+ROUNDING = 8.0 * np.finfo(float).eps
 #: Newton steps from one path point to the next.
 NEWTON_STEPS = 40
 
@@ -347,7 +349,10 @@ class _Path:
         """Solve ball and ring at one speed by damped Newton steps; None when they fail."""
         residual, jacobian, size = self._system(unknowns, speed, held)
         for _ in range(NEWTON_STEPS):
-            if np.abs(residual).max() <= FORCE_TOLERANCE * size:
+            # A force cannot be known better than the rounding of the distances that it springs from.
+            rounding = ROUNDING * np.abs(jacobian).max() * math.hypot(*self.unloaded)
+            allowed = FORCE_TOLERANCE * size + rounding
+            if np.abs(residual).max() <= allowed:
                 return unknowns
             step = np.linalg.solve(jacobian, -residual)
             for damping in 0.5 ** np.arange(10):
@@ -357,8 +362,7 @@ class _Path:
                 if touching and np.linalg.norm(found) <= (1.0 - 0.1 * damping) * np.linalg.norm(residual):
                     break
             else:
-                # Rounding hides further descent: what is left must be rounding.
-                return unknowns if np.abs(residual).max() <= 100.0 * FORCE_TOLERANCE * size else None
+                return None
             unknowns, residual, jacobian, size = trial, found, found_jacobian, found_size
         return None
 

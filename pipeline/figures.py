@@ -135,7 +135,7 @@ def bearing_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
     bearing = lobes.isel(modal_parameters=0)
     panels = (
         ("radial stiffness [N/\N{MICRO SIGN}m]", ("radial_stiffness",)),
-        ("contact angle [deg] (solid inner, dashed outer)", ("inner_contact_angle", "outer_contact_angle")),
+        ("contact angle [deg]", ("inner_contact_angle", "outer_contact_angle")),
         ("centrifugal force on a ball [N]", ("centrifugal_force",)),
         ("gyroscopic moment on a ball [N m]", ("gyroscopic_moment",)),
     )
@@ -149,13 +149,15 @@ def bearing_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
                 )
         axes.set_ylabel(label)
         _over_speed(axes, lobes)
-    grid.flat[0].legend(title="preload", frameon=False)
+    grid.flat[1].set_title("solid: inner race, dashed: outer race", fontsize="small", loc="right")
+    _shared_legend(figure, grid.flat[0])
     return figure
 
 
 def modes_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
     """Draw natural frequency, modal stiffness, mass and damping of the tip modes over speed."""
-    figure, grid = _panels(f"Modes at the tool tip over spindle speed {_preload_label(lobes, preload)}".rstrip(", "), 2, 2)
+    where = _preload_label(lobes, preload).removesuffix(", ")
+    figure, grid = _panels("Modes at the tool tip over spindle speed" + (f", {where}" if where else ""), 2, 2)
     modes = lobes.isel(modal_parameters=0).sel(preload=preload)
     panels = (
         ("natural frequency [Hz]", "natural_frequency", "linear"),
@@ -171,7 +173,7 @@ def modes_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
         axes.set_yscale(scale)
         axes.set_ylabel(label)
         _over_speed(axes, lobes)
-    grid.flat[0].legend(frameon=False, ncols=2)
+    _shared_legend(figure, grid.flat[0])
     return figure
 
 
@@ -210,6 +212,12 @@ def _panels(title: str, rows: int, columns: int) -> tuple[Figure, np.ndarray]:
     figure = Figure(figsize=(10.0, 6.5), layout="constrained")
     figure.suptitle(title, fontweight="bold", x=0.01, ha="left")
     return figure, figure.subplots(rows, columns)
+
+
+def _shared_legend(figure: Figure, axes: Axes) -> None:
+    """Place one legend for all panels above them, where it hides no line."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=len(labels), frameon=False)
 
 
 def _over_speed(axes: Axes, lobes: xr.Dataset) -> None:

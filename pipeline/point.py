@@ -123,7 +123,8 @@ def _bearings(machine: Machine, built: Structure) -> list[dict[str, float | None
         return []
     state = built.bearing
     single = {
-        "preload_n": _number(state.axial_load[0]),
+        "preload_n": _number(state.preload),
+        "axial_load_n": _number(state.axial_load[0]),
         "inner_contact_angle_deg": _number(state.inner_contact_angle[0] / si_factor("angle_deg")),
         "outer_contact_angle_deg": _number(state.outer_contact_angle[0] / si_factor("angle_deg")),
         "radial_stiffness_n_um": _number(state.radial_stiffness[0] / si_factor("stiffness_n_um")),
@@ -163,7 +164,7 @@ def _readable(answer: dict[str, Any], options: PointOptions) -> str:
     if answer["bearings"]:
         lines += ["", "bearings (each single one)"]
         lines += [
-            f"  at {b['position_mm']:g} mm: axial load {_show(b['preload_n'])} N, contact angles "
+            f"  at {b['position_mm']:g} mm: axial load {_show(b['axial_load_n'])} N, contact angles "
             f"{_show(b['inner_contact_angle_deg'])} deg inner, {_show(b['outer_contact_angle_deg'])} deg outer, "
             f"stiffness {_show(b['radial_stiffness_n_um'])} N/um radial, {_show(b['axial_stiffness_n_um'])} N/um axial"
             for b in answer["bearings"]

@@ -1,0 +1,164 @@
+"""The command line: answers, exit codes, and one clear message for every bad input."""
+
+import json
+
+import pytest
+import yaml
+
+from pipeline.__main__ import main
+
+POINT = ["point", "spindle_speed_rpm=12000", "axial_depth_mm=1"]
+
+
+def answer(capsys, *words):
+    code = main([*POINT, "format=json", *words])
+    return code, json.loads(capsys.readouterr().out)
+
+
+def test_point_answers_bearing_and_modes_of_the_reference_machine(capsys):
+    code, said = answer(capsys, "spindle.beam=euler_bernoulli")
+    assert code == 0
+    # An independent solve of the same equations, to the digits it was printed with.
+    front = said["bearings"][0]
+    assert front["inner_contact_angle_deg"] == pytest.approx(18.0, abs=0.06)
+    assert front["outer_contact_angle_deg"] == pytest.approx(9.75, abs=0.006)
+    assert front["radial_stiffness_n_um"] == pytest.approx(35.9, abs=0.06)
+    modes = [m for m in said["modes"] if m["axis"] == "x"]
+    assert [m["natural_frequency_hz"] for m in modes] == pytest.approx([528, 723, 1418, 2445], abs=0.6)
+    assert [m["modal_stiffness_n_um"] for m in modes] == pytest.approx([34.6, 47.7, 18.5, 6.0], abs=0.06)
+    assert said["status"] == "ok"
+    assert said["spectral_radius"] < 1.0
+    assert said["limit_depths_mm"][0] > 1.0
+    assert said["bifurcation"] in ("hopf", "flip", "fold")
+
+
+def test_point_beyond_the_limit_says_chatter(capsys):
+    assert main(["point", "spindle_speed_rpm=14000", "axial_depth_mm=1.5"]) == 0
+    assert "chatter: spectral radius" in capsys.readouterr().out
+
+
+def test_point_where_a_bearing_cannot_run_is_marked(capsys):
+    code, said = answer(capsys, "spindle_speed_rpm=200000", "preload_n=0.001")
+    assert said["status"] in ("ok", "outside_validity")
+    assert code == (0 if said["status"] == "ok" else 1)
+
+
+def test_a_machine_of_measured_tip_modes_runs_without_bearing_and_spindle(capsys, tmp_path):
+    mode = {"axis": "x", "natural_frequency_hz": 146.5, "damping_ratio": 0.0038, "stiffness_n_um": 2.18}
+    machine = {
+        "tip": {"modes": [mode]},
+        "tool": {"teeth": 1, "diameter_mm": 19.05, "helix_angle_deg": 0.0, "rake_angle_deg": 0.0},
+        "cutting": {"kt_mpa": 550.0, "kn": 0.3636, "friction_coefficient": 0.0},
+        "process": {"direction": "up", "radial_immersion": 0.237, "feed_per_tooth_mm": 0.1},
+    }
+    file = tmp_path / "machine.yaml"
+    file.write_text(yaml.safe_dump(machine))
+    code, said = answer(capsys, f"machine={file}")
+    assert code == 0
+    assert said["bearings"] == []
+    assert [m["axis"] for m in said["modes"]] == ["x"]
+
+
+MACHINE = """
+bearing:
+  pitch_diameter_mm: 60.0
+  ball_diameter_mm: 8.731
+  ball_count: {balls}
+  contact_angle_deg: 15.0
+  inner_groove_conformity: 0.57
+  outer_groove_conformity: 0.54
+  ball: {{youngs_modulus_gpa: 206.0, poisson_ratio: 0.3, density_kg_m3: 7800.0}}
+  ring: {{youngs_modulus_gpa: 206.0, poisson_ratio: 0.3, density_kg_m3: 7800.0}}
+spindle:
+  sections:
+    - {{part: tool, {length}, outer_diameter_mm: {diameter}, youngs_modulus_gpa: 206.0, poisson_ratio: 0.3, density_kg_m3: 7800.0}}
+    - {{part: shaft, length_mm: 300.0, outer_diameter_mm: 50.0, youngs_modulus_gpa: 206.0, poisson_ratio: 0.3, density_kg_m3: 7800.0}}
+  bearings: [{{position_mm: 100.0}}, {{position_mm: {rear}}}]
+  preload_n: 100.0
+  preload_type: constant
+  damping: {{kind: modal, ratio: 0.02}}
+tool: {{teeth: 4, diameter_mm: 16.0, helix_angle_deg: 30.0, rake_angle_deg: 10.0}}
+cutting: {{kt_mpa: 900.0, kn: 0.3, friction_coefficient: 0.2}}
+process: {{direction: down, radial_immersion: 0.4, feed_per_tooth_mm: 0.08}}
+"""
+GOOD = {"balls": "19", "length": "length_mm: 66.0", "diameter": "14.5", "rear": "300.0"}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"balls": "30"}, "bearing: 30 balls of 8.731 mm do not fit on a pitch circle of 60 mm: allowed at most 21"),
+        ({"balls": "19.5"}, "bearing.ball_count: found 19.5, allowed: a whole number"),
+        ({"balls": "yes"}, "bearing.ball_count: found true, a number or word is needed"),
+        ({"diameter": "-14.5"}, "spindle.sections[0].outer_diameter_mm: found -14.5, allowed: more than 0.0"),
+        ({"diameter": ".nan"}, "spindle.sections[0].outer_diameter_mm: found nan, allowed: a finite number"),
+        ({"length": "length_m: 0.066"}, "spindle.sections[0].length_m: unknown key; did you mean length_mm?"),
+        ({"length": "length_mm: 66 mm"}, "spindle.sections[0].length_mm: found '66 mm', allowed: a finite number"),
+        ({"rear": "500.0"}, "bearings[1].position_mm 500 lies outside the rotor, which ends at 366 mm"),
+        ({"rear": "[1"}, "no valid yaml"),
+        ({"rear": "1.0, position_mm: 2.0"}, "key 'position_mm' stands twice"),
+        ({"rear": "!!python/object/apply:os.system ['true']"}, "no valid yaml"),
+    ],
+)
+def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path):
+    file = tmp_path / "machine.yaml"
+    file.write_text(MACHINE.format(**{**GOOD, **change}))
+    assert main([*POINT, f"machine={file}"]) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert str(file) in captured.err
+    assert "Traceback" not in captured.err
+    assert captured.out == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "messages"),
+    [
+        (["sweep", "study=refernce"], ["study: found 'refernce'; did you mean reference?"]),
+        (["sweep", "studdy=reference"], ["studdy: unknown key; did you mean study?"]),
+        (["sweep", "tool.teth=3"], ["tool.teth: unknown key; did you mean teeth?"]),
+        (["sweep", "spindel.preload_n=3"], ["spindel: unknown key; did you mean spindle?"]),
+        (
+            ["sweep", "tool.teeth=-3", "cutting.kn=x", "process.direction=sideways"],
+            [
+                "tool.teeth: found -3, allowed: at least 1",
+                "cutting.kn: found 'x', allowed: a finite number",
+                "process.direction: found 'sideways', allowed: one of 'up', 'down' or 'slot'",
+            ],
+        ),
+        (["sweep", "grid.axial_depth_mm=[]"], ["grid.axial_depth_mm"]),
+        (["sweep", "grid.axial_depth_mm=[2,1]"], ["grid.axial_depth_mm: values must ascend"]),
+        (["sweep", "grid.spindle_speed_rpm=[0,100]"], ["grid.spindle_speed_rpm: found 0, allowed: more than 0"]),
+        (["sweep", "grid.mode_count=[1.5]"], ["grid: mode_count: allowed: whole numbers from 1 to 100"]),
+        (["sweep", "grid.mode_count=[99]"], ["mode_count: found 99, allowed at most"]),
+        (["sweep", "grid.spindle_speed_rpm.count=1000000", "grid.axial_depth_mm.count=1000000"], ["cells, allowed: at most"]),
+        (["sweep", "process.direction=slot"], ["process: direction 'slot' needs radial_immersion 1, found 0.4"]),
+        (["sweep", "method.intervals=40"], ["method: method 'collocation' takes tolerance and not intervals"]),
+        (["sweep", "cluster.kind=address"], ["cluster: address: needed for kind 'address'"]),
+        (["sweep", "retry_failed=perhaps"], ["retry_failed: found 'perhaps', allowed: true, false"]),
+        (["sweep", "machine=nowhere/machine.yaml"], ["nowhere/machine.yaml: no such file"]),
+        (["sweep", "reference"], ["reference: expected key=value"]),
+        (["sweeep"], ["sweeep: unknown verb; did you mean sweep?"]),
+        (["point", "spindle_speed_rpm=12000"], ["axial_depth_mm: missing; needed: axial depth of cut"]),
+        (["point", "spindle_speed_rpm=fast", "axial_depth_mm=1"], ["spindle_speed_rpm: found 'fast'"]),
+        (["report"], ["output: missing"]),
+        (["report", "output=nowhere"], ["output: nowhere holds no lobes.zarr"]),
+    ],
+)
+def test_wrong_words_get_every_message_and_exit_code_two(words, messages, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 2
+    captured = capsys.readouterr()
+    for message in messages:
+        assert message in captured.err
+    assert "Traceback" not in captured.err
+    assert all(line.startswith("error: ") for line in captured.err.splitlines())
+    assert not list(tmp_path.rglob("*.zarr"))
+
+
+def test_help_and_version(capsys):
+    assert main(["--help"]) == 0
+    assert "study    overnight, reference, smoke" in capsys.readouterr().out
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.strip().count(".") == 2
+    assert main([]) == 2
