@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 #: Crossings kept for each speed; stability is lost at the odd ones and regained at the even ones.
 CROSSINGS = 8
 #: Points analysed at once.
-BATCH = 128
+BATCH = 64
 #: Limit depths are found to this [m].
 DEPTH_TOLERANCE = 1e-7
 #: Below the first depth asked for, the boundary is looked for down to this share of it.

@@ -31,8 +31,7 @@ class OneThreadEach(WorkerPlugin):  # type: ignore[misc]
 def open_client(cluster: Cluster) -> Iterator[Client | None]:
     """Yield a client of the cluster, None for ``serial``; what was started here is stopped again."""
     if cluster.kind == "serial":
-        with threadpool_limits(1):
-            yield None
+        yield None
         return
     quiet = {"distributed.worker.daemon": True, "distributed.admin.low-level-log-length": 0}
     with TemporaryDirectory(prefix="chatter-") as scratch, dask.config.set({**quiet, "temporary-directory": scratch}):
@@ -47,7 +46,7 @@ def open_client(cluster: Cluster) -> Iterator[Client | None]:
                     threads_per_worker=1 if processes else count,
                     processes=processes,
                     dashboard_address=None,
-                    host="127.0.0.1",
+                    **({"host": "127.0.0.1"} if processes else {}),  # threads speak without a network
                     silence_logs=logging.CRITICAL,
                 ) as local,
                 Client(local) as client,

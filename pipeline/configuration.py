@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import yaml
 from hydra import compose, initialize_config_dir
-from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from pydantic import ValidationError
@@ -81,17 +81,30 @@ def compose_settings(words: Words) -> Settings:
     Raises InvalidInput with every finding at once, each naming the key as it is written.
     """
     data = _compose(words)
-    machine: dict[str, Any] = {key: data.pop(key) for key in MACHINE_KEYS if key in data}
     if words.machine_file is not None:
-        machine = load_yaml(words.machine_file)
-        machine = _with_values(machine, words.values)
+        data = {key: value for key, value in data.items() if key not in MACHINE_KEYS}
+        described = load_yaml(words.machine_file)
         # What a shipped grid says of preloads does not concern a machine that knows none.
-        if "tip" in machine and not any(word.startswith("grid.preload_n") for word in words.values):
+        if "tip" in described:
             data["grid"].pop("preload_n", None)
+        foreign = [key for key in described if key not in MACHINE_KEYS]
+        if foreign:
+            raise InvalidInput(
+                [f"{words.machine_file}: {key}: unknown key; {nearest(key, list(MACHINE_KEYS))}" for key in foreign]
+            )
+        data |= described
+    data = _with_values(data, words.values)
+    roots = [*MACHINE_KEYS, *(key for key in Settings.model_fields if key != "machine")]
+    problems = [f"{key}: unknown key; {nearest(key, roots)}" for key in data if key not in roots]
+    machine = {key: data[key] for key in MACHINE_KEYS if data.get(key) is not None}
+    rest = {key: data[key] for key in Settings.model_fields if key in data}
     try:
-        return Settings.model_validate({**data, "machine": machine})
+        settings = Settings.model_validate({**rest, "machine": machine})
     except ValidationError as error:
-        raise InvalidInput([_as_written(s, words.machine_file) for s in sentences(error, Settings)]) from None
+        problems += [_as_written(sentence, words.machine_file) for sentence in sentences(error, Settings)]
+    if problems:
+        raise InvalidInput(problems)
+    return settings
 
 
 def _as_written(sentence: str, machine_file: Path | None) -> str:
@@ -103,35 +116,26 @@ def _as_written(sentence: str, machine_file: Path | None) -> str:
 
 
 def _compose(words: Words) -> dict[str, Any]:
-    overrides = [f"{key}={value}" for key, value in words.choices.items()]
-    foreign = words.machine_file is not None
-    # Added by force: whether a key exists is for validation to say, with all other findings.
-    overrides += [f"++{v}" for v in words.values if not (foreign and v.split(".")[0] in MACHINE_KEYS)]
-    try:
-        with initialize_config_dir(str(CONFIGS), version_base=None):
-            composed = OmegaConf.to_container(compose("config", overrides), resolve=True)
-    except (HydraException, OmegaConfBaseException) as error:
-        raise InvalidInput([f"{' '.join(words.values) or 'configs'}: {str(error).splitlines()[0]}"]) from None
-    assert isinstance(composed, dict)
-    return {str(key): value for key, value in composed.items()}
+    """Return the shipped configs as the choices compose them."""
+    with initialize_config_dir(str(CONFIGS), version_base=None):
+        composed = compose("config", [f"{key}={value}" for key, value in words.choices.items()])
+    data = OmegaConf.to_container(composed, resolve=False)
+    assert isinstance(data, dict)
+    return {str(key): value for key, value in data.items()}
 
 
-def _with_values(machine: dict[str, Any], values: list[str]) -> dict[str, Any]:
-    """Return a machine file's content with the values of the command line put in."""
-    mine = [word for word in values if word.split(".")[0] in MACHINE_KEYS]
-    if not mine:
-        return machine
-    try:
-        base = OmegaConf.create(machine)
-        for word in mine:
-            key, _, value = word.partition("=")
-            OmegaConf.update(base, key, OmegaConf.create({"value": 0}) if value == "" else _parsed(value))
-        merged = OmegaConf.to_container(base)
-    except (OmegaConfBaseException, ValueError, IndexError, TypeError) as error:
-        raise InvalidInput([f"{' '.join(mine)}: {str(error).splitlines()[0]}"]) from None
-    assert isinstance(merged, dict)
-    return {str(key): value for key, value in merged.items()}
-
-
-def _parsed(value: str) -> Any:
-    return OmegaConf.create([value]) if value.startswith("${") else OmegaConf.from_dotlist([f"value={value}"]).value
+def _with_values(data: dict[str, Any], values: list[str]) -> dict[str, Any]:
+    """Return the data with ``key=value`` words put in; whether a key exists is for validation to say."""
+    config = OmegaConf.create(data)
+    problems = []
+    for word in values:
+        key, _, value = word.partition("=")
+        try:
+            OmegaConf.update(config, key, yaml.safe_load(value), merge=False, force_add=True)
+        except (OmegaConfBaseException, yaml.YAMLError, ValueError, IndexError, TypeError, KeyError, AttributeError):
+            problems.append(f"{key}: {value!r} cannot be put there; is the key right, and the value valid yaml?")
+    if problems:
+        raise InvalidInput(problems)
+    changed = OmegaConf.to_container(config, resolve=False)
+    assert isinstance(changed, dict)
+    return {str(key): value for key, value in changed.items()}

@@ -18,6 +18,7 @@ import zarr
 from distributed import Client, as_completed
 from distributed.scheduler import KilledWorker
 from filelock import FileLock, Timeout
+from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS
@@ -84,7 +85,8 @@ def execute(
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput([f"output: {output} cannot be used as a folder: {error.strerror}"]) from None
-    with _locked(output):
+    # One thread here as in every worker: the order of summation, and so the last digit, stays the same.
+    with _locked(output), threadpool_limits(1):
         _prepare(settings, output, path, argv or [])
         journal = Journal(output / "journal.jsonl")
         journal.write("start", argv=argv or [], pid=os.getpid(), host=socket.gethostname())

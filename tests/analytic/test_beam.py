@@ -110,6 +110,7 @@ def test_reduced_rotor_has_the_frequencies_of_the_full_one(stiffness, reference_
     supported[rotor.seats, rotor.seats] += seats
     squared, shapes = scipy.linalg.eigh(supported, rotor.mass, subset_by_index=(0, 5))
     modes = supported_modes(reduce_rotor(rotor), seats[None, :])
-    # Static attachment shapes leave errors of the fourth power of (mode / first mode left out).
-    assert modes.natural_frequency[0, :6] == pytest.approx(np.sqrt(squared), rel=1e-5)
-    assert np.abs(modes.tip_deflection[0, :4]) == pytest.approx(np.abs(shapes[0, :4]), rel=1e-5)
+    # Static attachment shapes leave errors of the fourth power of (mode / first mode left out):
+    # most for rigid seats, 1e5 times as stiff as the softest.
+    assert modes.natural_frequency[0, :6] == pytest.approx(np.sqrt(squared), rel=3e-5)
+    assert np.abs(modes.tip_deflection[0, :4]) == pytest.approx(np.abs(shapes[0, :4]), rel=3e-5)
