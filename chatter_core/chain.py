@@ -36,7 +36,9 @@ class Structure:
     solved: NDArray[np.bool_]
 
 
-def structure(machine: Machine, spindle_speed: Array, *, mode_count: int, modal_parameters: str = "dynamic") -> Structure:
+def structure(
+    machine: Machine, spindle_speed: Array, *, mode_count: int, modal_parameters: str = "dynamic"
+) -> Structure:
     """Return bearing state and tip modes at every speed (speed,) [rad/s].
 
     ``mode_count`` is the number of modes kept on each axis. ``modal_parameters`` is ``dynamic``
@@ -54,9 +56,7 @@ def structure(machine: Machine, spindle_speed: Array, *, mode_count: int, modal_
     path, place = path_to(bearing_speed)
     states = axisymmetric_state(machine.bearing, machine.spindle.preload, path, machine.spindle.preload_type)
     modes = _spindle_modes(machine.spindle, path, states, mode_count).at(place)
-    return Structure(
-        spindle_speed=spindle_speed, bearing=states.at(place), modes=modes, solved=states.solved[place]
-    )
+    return Structure(spindle_speed=spindle_speed, bearing=states.at(place), modes=modes, solved=states.solved[place])
 
 
 def _spindle_modes(described: spindle.Spindle, path: Array, states: BearingState, mode_count: int) -> tip.TipModes:

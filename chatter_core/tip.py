@@ -85,7 +85,8 @@ def receptance(modes: TipModes, frequency: Array) -> NDArray[np.complex128]:
     natural = modes.natural_frequency[:, None, :]
     excited = frequency[None, :, None]
     term = 1.0 / (
-        modes.modal_mass[:, None, :] * (natural**2 - excited**2 + 2j * modes.damping_ratio[:, None, :] * natural * excited)
+        modes.modal_mass[:, None, :]
+        * (natural**2 - excited**2 + 2j * modes.damping_ratio[:, None, :] * natural * excited)
     )
     result = np.zeros((len(modes.natural_frequency), len(frequency), 2, 2), dtype=complex)
     for axis in range(2):
@@ -114,7 +115,9 @@ def measured_modes(tip: Tip, spindle_speed: Array, mode_count: int | None = None
         ]
         available = len(at_speed[0])
         if mode_count is not None and 0 < available < mode_count:
-            raise InvalidInput([f"mode_count: found {mode_count}, but tip.modes lists {available} modes of axis {name}"])
+            raise InvalidInput(
+                [f"mode_count: found {mode_count}, but tip.modes lists {available} modes of axis {name}"]
+            )
         for number in range(min(available, mode_count or available)):
             rows = [(m[number].natural_frequency, m[number].damping_ratio, m[number].stiffness) for m in at_speed]
             columns = [np.interp(spindle_speed, speeds, column) for column in zip(*rows, strict=True)]

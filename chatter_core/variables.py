@@ -66,7 +66,9 @@ SWEEP: dict[str, Variable] = {
 }
 
 #: Completion and outcome of every cell, written after everything else of its chunk.
-CELL_STATUS = Variable(dims=_CELL, dtype="u1", doc="0 pending, 1 ok, 2 not converged, 3 outside validity, 4 worker lost")
+CELL_STATUS = Variable(
+    dims=_CELL, dtype="u1", doc="0 pending, 1 ok, 2 not converged, 3 outside validity, 4 worker lost"
+)
 
 #: What depends on speed and preload alone; written once, before the chunks.
 STRUCTURE: dict[str, Variable] = {
@@ -87,6 +89,8 @@ STRUCTURE: dict[str, Variable] = {
         dims=(*_STRUCTURE, "axis", "mode"), dtype="f8", suffix="kg", doc="modal mass, mode one at the tool tip"
     ),
     "tracking_confidence": Variable(
-        dims=(*_STRUCTURE, "mode"), dtype="f8", doc="least modal assurance on the way from standstill (1: surely the same)"
+        dims=(*_STRUCTURE, "mode"),
+        dtype="f8",
+        doc="least modal assurance on the way from standstill (1: surely the same)",
     ),
 }

@@ -57,7 +57,9 @@ def lobes_static_and_dynamic(lobes: xr.Dataset, preload: float) -> Figure:
     modes = int(lobes["mode_count"].max())
     limit = stability_limit(lobes).sel(preload=preload, mode_count=modes)
     for colour, name in zip(COLOURS, limit["modal_parameters"].values, strict=False):
-        _boundary(axes, limit.sel(modal_parameters=name), color=colour, linestyle=STYLE[name], label=f"{name} parameters")
+        _boundary(
+            axes, limit.sel(modal_parameters=name), color=colour, linestyle=STYLE[name], label=f"{name} parameters"
+        )
     shown = limit.isel(modal_parameters=0)
     axes.fill_between(shown["spindle_speed"], 0.0, shown.fillna(float(lobes["axial_depth"].max())), color=STABLE)
     _finish(axes, lobes, f"{_preload_label(lobes, preload)}{modes} modes an axis")
@@ -144,7 +146,10 @@ def bearing_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
             for name, line in zip(names, ("-", "--"), strict=False):
                 values = bearing[name].sel(preload=value)
                 axes.plot(
-                    bearing["spindle_speed"], values, color=colour, linestyle=line,
+                    bearing["spindle_speed"],
+                    values,
+                    color=colour,
+                    linestyle=line,
                     label=f"{value:g} N" if line == "-" else None,
                 )
         axes.set_ylabel(label)

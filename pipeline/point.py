@@ -92,7 +92,9 @@ def answer_point(
         "floquet_multiplier": [_number(multiplier.real), _number(multiplier.imag)],
         "bifurcation": _name(BIFURCATION, stability.bifurcation[0]),
         "chatter_frequency_hz": _number(stability.chatter_frequency[0] / si_factor("chatter_frequency_hz")),
-        "limit_depths_mm": [float(f"{d / si_factor('depth_mm'):.6g}") for d in block.limit_depth[0] if math.isfinite(d)],
+        "limit_depths_mm": [
+            float(f"{d / si_factor('depth_mm'):.6g}") for d in block.limit_depth[0] if math.isfinite(d)
+        ],
         "dominant_mode": int(stability.dominant_mode[0]) or None,
         "mode_shares": [_number(share) for share in stability.mode_share[0]],
         "method": method.name,
@@ -160,7 +162,9 @@ def _name(codes: dict[str, int], code: Any) -> str:
 
 def _readable(answer: dict[str, Any], options: PointOptions) -> str:
     """Return the answer as text for a terminal."""
-    lines = [f"{options.spindle_speed_rpm:g} rpm, {options.axial_depth_mm:g} mm deep, {options.modal_parameters} parameters"]
+    lines = [
+        f"{options.spindle_speed_rpm:g} rpm, {options.axial_depth_mm:g} mm deep, {options.modal_parameters} parameters"
+    ]
     if answer["bearings"]:
         lines += ["", "bearings (each single one)"]
         lines += [

@@ -138,7 +138,10 @@ def _limits_table(lobes: xr.Dataset, preload: float) -> PageTable:
     chosen = limit.isel(spindle_speed=slice(None, None, step)).transpose("spindle_speed", ...)
     columns = [f"{p}, {m} modes" for p in limit["modal_parameters"].values for m in limit["mode_count"].values]
     rows = [
-        [f"{float(row['spindle_speed']):.0f}", *(_cell(v) for v in row.transpose("modal_parameters", ...).values.ravel())]
+        [
+            f"{float(row['spindle_speed']):.0f}",
+            *(_cell(v) for v in row.transpose("modal_parameters", ...).values.ravel()),
+        ]
         for row in chosen
     ]
     return PageTable(title="Limit depth in mm", columns=["spindle speed, rpm", *columns], rows=rows)

@@ -104,7 +104,9 @@ def _guarded(compute: Callable[[np.ndarray], LobeBlock], speed: np.ndarray, dept
             try:
                 blocks.append(compute(np.array([one])))
             except Exception as error:
-                code = STATUS["outside_validity" if isinstance(error, NoEquilibrium | InvalidInput) else "not_converged"]
+                code = STATUS[
+                    "outside_validity" if isinstance(error, NoEquilibrium | InvalidInput) else "not_converged"
+                ]
                 blocks.append(_marked(depths, code))
                 errors.append(f"{one / SUFFIXES['rpm'][0]:.6g} rpm: " + traceback.format_exc(limit=-3).strip())
         joined = {f.name: np.concatenate([getattr(block, f.name) for block in blocks]) for f in fields(LobeBlock)}

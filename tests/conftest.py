@@ -19,7 +19,13 @@ COLLOCATION = MethodSettings(name="collocation", tolerance=1e-4)
 def reference_machine() -> Machine:
     """The machine of the reference study, read from the shipped configs."""
     configs = resources.files("configs")
-    groups = {"bearing": "b7009c", "spindle": "reference", "tool": "endmill_4x16", "cutting": "cast_iron", "process": "down_40"}
+    groups = {
+        "bearing": "b7009c",
+        "spindle": "reference",
+        "tool": "endmill_4x16",
+        "cutting": "cast_iron",
+        "process": "down_40",
+    }
     return Machine.model_validate(
         {group: yaml.safe_load((configs / group / f"{name}.yaml").read_text()) for group, name in groups.items()}
     )

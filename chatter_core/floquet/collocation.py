@@ -63,7 +63,9 @@ class CollocationMonodromy:
         state, delayed = self._split(vectors)
         after = np.empty_like(delayed)
         for element in range(delayed.shape[1]):
-            moved = (self.element_map[:, element] @ np.concatenate([state, delayed[:, element]], axis=1)[..., None])[..., 0]
+            moved = (self.element_map[:, element] @ np.concatenate([state, delayed[:, element]], axis=1)[..., None])[
+                ..., 0
+            ]
             state, after[:, element] = moved[:, : self.states], moved[:, self.states :]
         return np.concatenate([state, after.reshape(len(vectors), -1)], axis=1)
 

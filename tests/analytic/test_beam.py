@@ -94,7 +94,14 @@ def test_observed_order_of_the_elements(beam, order):
 
 def test_cowper_coefficient():
     solid = Section.model_validate(
-        {"part": "s", "length_mm": 1, "outer_diameter_mm": 10, "youngs_modulus_gpa": 200, "poisson_ratio": 0.3, "density_kg_m3": 7800}
+        {
+            "part": "s",
+            "length_mm": 1,
+            "outer_diameter_mm": 10,
+            "youngs_modulus_gpa": 200,
+            "poisson_ratio": 0.3,
+            "density_kg_m3": 7800,
+        }
     )
     thin = solid.model_copy(update={"inner_diameter": 0.9999 * solid.outer_diameter})
     # Cowper (1966), table 1: circle 6 (1 + nu) / (7 + 6 nu), thin tube 2 (1 + nu) / (4 + 3 nu).

@@ -19,9 +19,7 @@ def oscillator(*, frequency: float, damping: float, mass: float, gain: float, pe
         input_matrix=np.array([[[0.0], [1.0 / mass]]]),
         output_matrix=np.array([[[1.0, 0.0]]]),
     )
-    feedback = DelayedFeedback(
-        gain=lambda time: np.full((*time.shape, 1, 1), -gain), delay=np.array([period])
-    )
+    feedback = DelayedFeedback(gain=lambda time: np.full((*time.shape, 1, 1), -gain), delay=np.array([period]))
     return DelayEquation(
         system=system,
         system_index=np.zeros(1, dtype=int),
@@ -44,7 +42,9 @@ def test_turning_least_limit_is_two_k_zeta_one_plus_zeta(lobe):
     response = 1.0 / (stiffness - mass * chatter**2 + 2j * zeta * mass * natural * chatter)
     phase = np.angle(1.0 + 1.0 / (gain * response))  # exp(-i w tau) = 1 + 1 / (K H)
     period = (2.0 * math.pi * lobe - phase) / chatter
-    solution = analyse(oscillator(frequency=natural, damping=zeta, mass=mass, gain=gain, period=period), COLLOCATION, 2.0)
+    solution = analyse(
+        oscillator(frequency=natural, damping=zeta, mass=mass, gain=gain, period=period), COLLOCATION, 2.0
+    )
     # Twice the default resolution, which errs by 6e-6 here.
     assert abs(solution.multiplier[0]) == pytest.approx(1.0, abs=1e-6)
     strongest = np.abs(solution.output[0, :, 0]).argmax()
@@ -60,8 +60,11 @@ def test_hayes_equation(method):
     )
     feedback = DelayedFeedback(gain=lambda time: np.full((*time.shape, 1, 1), -c), delay=np.array([1.0]))
     equation = DelayEquation(
-        system=system, system_index=np.zeros(1, dtype=int), feedback=(feedback,),
-        period=np.array([1.0]), breakpoints=np.zeros((1, 1)),
+        system=system,
+        system_index=np.zeros(1, dtype=int),
+        feedback=(feedback,),
+        period=np.array([1.0]),
+        breakpoints=np.zeros((1, 1)),
     )
     s = np.log(analyse(equation, method).multiplier[0])
     # 1e-9: converged collocation; 2e-2: order zero with a step of 1/400 and |s| below 1.
@@ -80,8 +83,11 @@ def test_two_delays_are_refused_by_collocation_and_solved_by_semi_discretization
     one = oscillator(frequency=1.0, damping=0.1, mass=1.0, gain=0.3, period=2.0)
     half = DelayedFeedback(gain=lambda time: 0.5 * one.feedback[0].gain(time), delay=one.period)
     split = DelayEquation(
-        system=one.system, system_index=one.system_index, feedback=(half, half),
-        period=one.period, breakpoints=one.breakpoints,
+        system=one.system,
+        system_index=one.system_index,
+        feedback=(half, half),
+        period=one.period,
+        breakpoints=one.breakpoints,
     )
     with pytest.raises(UnsupportedEquation, match="one delay equal to the period"):
         analyse(split, COLLOCATION)

@@ -131,7 +131,10 @@ def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path
         (["sweep", "grid.spindle_speed_rpm=[0,100]"], ["grid.spindle_speed_rpm: found 0, allowed: more than 0"]),
         (["sweep", "grid.mode_count=[1.5]"], ["mode_count: allowed: whole numbers from 1 to 100"]),
         (["sweep", "grid.mode_count=[99]"], ["mode_count: found 99, allowed at most"]),
-        (["sweep", "grid.spindle_speed_rpm.count=1000000", "grid.axial_depth_mm.count=1000000"], ["cells, allowed: at most"]),
+        (
+            ["sweep", "grid.spindle_speed_rpm.count=1000000", "grid.axial_depth_mm.count=1000000"],
+            ["cells, allowed: at most"],
+        ),
         (["sweep", "process.direction=slot"], ["process: direction 'slot' needs radial_immersion 1, found 0.4"]),
         (["sweep", "method.intervals=40"], ["method: method 'collocation' takes tolerance and not intervals"]),
         (["sweep", "cluster.kind=address"], ["cluster: address: needed for kind 'address'"]),

@@ -22,9 +22,7 @@ def test_receptance_by_modes_is_the_direct_solution(reference_machine):
         stiffness = rotor.stiffness.copy()
         stiffness[rotor.seats, rotor.seats] += built.bearing.radial_stiffness[s] * np.array([1.0, 2.0])
         viscous = damping.mass_coefficient * rotor.mass + damping.stiffness_coefficient * stiffness
-        direct = [
-            scipy.linalg.solve(stiffness - w**2 * rotor.mass + 1j * w * viscous, load)[0] for w in frequency
-        ]
+        direct = [scipy.linalg.solve(stiffness - w**2 * rotor.mass + 1j * w * viscous, load)[0] for w in frequency]
         # Twelve modes reach to 30 kHz; what is above adds its static part, under 1 % of the peaks.
         assert found[s, :, 0, 0] == pytest.approx(np.array(direct), abs=0.01 * np.abs(direct).max())
         assert np.all(found[s, :, 0, 1] == 0.0)
@@ -50,7 +48,9 @@ def mode(axis, frequency, speed=None):
 
 
 def test_measured_modes_are_interpolated_between_speeds_and_kept_beyond():
-    tip = Tip.model_validate({"modes": [mode("x", 500.0, 0), mode("x", 400.0, 10000), mode("y", 700.0, 0), mode("y", 700.0, 10000)]})
+    tip = Tip.model_validate(
+        {"modes": [mode("x", 500.0, 0), mode("x", 400.0, 10000), mode("y", 700.0, 0), mode("y", 700.0, 10000)]}
+    )
     modes = measured_modes(tip, np.array([0.0, 5000.0, 20000.0]) * 2.0 * np.pi / 60.0)
     hertz = modes.natural_frequency / 2.0 / np.pi
     # Linear interpolation of numbers that are given: rounding alone.
