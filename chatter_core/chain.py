@@ -15,7 +15,7 @@ from chatter_core import cutting, floquet, spindle, tip
 from chatter_core.bearing import BearingState, axisymmetric_state
 from chatter_core.errors import InvalidInput
 from chatter_core.following import follow_modes, path_to
-from chatter_core.machine import Machine
+from chatter_core.machine import Machine, Spindle
 from chatter_core.variables import STRUCTURE
 
 Array = NDArray[np.float64]
@@ -52,14 +52,15 @@ def structure(
         return Structure(
             spindle_speed=spindle_speed, bearing=None, modes=modes, solved=np.ones(len(spindle_speed), dtype=bool)
         )
-    assert machine.bearing is not None and machine.spindle is not None
+    assert machine.bearing is not None
+    assert machine.spindle is not None
     path, place = path_to(bearing_speed)
     states = axisymmetric_state(machine.bearing, machine.spindle.preload, path, machine.spindle.preload_type)
     modes = _spindle_modes(machine.spindle, path, states, mode_count).at(place)
     return Structure(spindle_speed=spindle_speed, bearing=states.at(place), modes=modes, solved=states.solved[place])
 
 
-def _spindle_modes(described: spindle.Spindle, path: Array, states: BearingState, mode_count: int) -> tip.TipModes:
+def _spindle_modes(described: Spindle, path: Array, states: BearingState, mode_count: int) -> tip.TipModes:
     """Return the spindle's modes on both axes along a path of speeds, each followed from standstill."""
     rotor = spindle.reduce_rotor(spindle.assemble(described))
     available = len(rotor.tip)

@@ -72,4 +72,4 @@ def load_deflection_factor(curvature: Curvature, ball: Material, ring: Material)
         1.0 - ring.poisson_ratio**2
     ) / ring.youngs_modulus
     approach = elliptic_contact(curvature.difference).approach
-    return 2.0 * curvature.sum / (3.0 * compliance) * (2.0 / (approach * curvature.sum)) ** 1.5
+    return float(2.0 * curvature.sum / (3.0 * compliance) * (2.0 / (approach * curvature.sum)) ** 1.5)

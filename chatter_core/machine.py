@@ -190,11 +190,14 @@ class Spindle(Description):
 
     @model_validator(mode="after")
     def _seats_and_discs_on_the_rotor(self) -> Self:
-        for key, parts in (("bearings", self.bearings), ("discs", self.discs)):
-            for index, part in enumerate(parts):
-                if part.position > self.length + POSITION_TOLERANCE:
+        for key, places in (
+            ("bearings", [seat.position for seat in self.bearings]),
+            ("discs", [disc.position for disc in self.discs]),
+        ):
+            for index, place in enumerate(places):
+                if place > self.length + POSITION_TOLERANCE:
                     raise ValueError(
-                        f"{key}[{index}].position_mm {part.position * 1e3:g} lies outside the rotor, "
+                        f"{key}[{index}].position_mm {place * 1e3:g} lies outside the rotor, "
                         f"which ends at {self.length * 1e3:g} mm"
                     )
         positions = [seat.position for seat in self.bearings]

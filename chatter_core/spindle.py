@@ -10,6 +10,7 @@ in Timoshenko's beam theory", J. Appl. Mech. 33 (1966) 335-340; R. H. MacNeal, C
 Structures 1 (1971) 581-601 (free modes completed by static attachment shapes).
 """
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -162,7 +163,7 @@ def _mesh(spindle: Spindle, elements_per_rotor: int) -> tuple[Array, list[Sectio
     fixed = fixed[np.concatenate(([True], np.diff(fixed) > POSITION_TOLERANCE))]
     longest = borders[-1] / elements_per_rotor
     nodes, owner = [0.0], []
-    for start, end in zip(fixed[:-1], fixed[1:], strict=True):
+    for start, end in itertools.pairwise(fixed):
         pieces = max(1, math.ceil((end - start) / longest - 1e-9))
         section = spindle.sections[int(np.searchsorted(borders, 0.5 * (start + end)) - 1)]
         nodes.extend(start + (end - start) * np.arange(1, pieces + 1) / pieces)
@@ -211,5 +212,6 @@ def damping_ratios(damping: Damping, natural_frequency: Array) -> Array:
     """Return the damping ratio of each mode [-]: 2 zeta w = c1 + c2 w^2, or one ratio for all."""
     if damping.ratio is not None:
         return np.full_like(natural_frequency, damping.ratio)
-    assert damping.mass_coefficient is not None and damping.stiffness_coefficient is not None
+    assert damping.mass_coefficient is not None
+    assert damping.stiffness_coefficient is not None
     return 0.5 * (damping.mass_coefficient / natural_frequency + damping.stiffness_coefficient * natural_frequency)

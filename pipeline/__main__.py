@@ -37,7 +37,8 @@ groups and their choices
 
 options of verbs
   sweep   output=DIR, retry_failed=true
-  point   spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static, format=text|json, output=DIR
+  point   spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static,
+          format=text|json, output=DIR
   report  output=DIR
 
 exit codes: 0 all well, 1 some points failed and are marked, 2 bad input, 3 store in use

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -182,7 +183,7 @@ def modes_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
     return figure
 
 
-def _boundary(axes: Axes, limit: xr.DataArray, **style: str) -> None:
+def _boundary(axes: Axes, limit: xr.DataArray, **style: Any) -> None:
     axes.plot(limit["spindle_speed"], limit, linewidth=1.6, **style)
 
 

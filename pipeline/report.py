@@ -106,7 +106,8 @@ def _findings(lobes: xr.Dataset, preload: float) -> list[str]:
         least, best = limit.argmin("spindle_speed"), (limit * limit["spindle_speed"]).argmax("spindle_speed")
         found.append(
             f"The shallowest limit is {float(limit[least]):.3g} mm at {float(limit['spindle_speed'][least]):.0f} rpm; "
-            f"depth times speed is largest at {float(limit['spindle_speed'][best]):.0f} rpm with {float(limit[best]):.3g} mm."
+            f"depth times speed is largest at {float(limit['spindle_speed'][best]):.0f} rpm "
+            f"with {float(limit[best]):.3g} mm."
         )
     handed = crossover_speeds(lobes)
     first = handed[

@@ -56,7 +56,9 @@ class Axis(Part):
         """Return the values of the axis, in the unit of its key."""
         if self.values is not None:
             return np.array(self.values, dtype=float)
-        assert self.start is not None and self.stop is not None and self.count is not None
+        assert self.start is not None
+        assert self.stop is not None
+        assert self.count is not None
         return np.linspace(self.start, self.stop, self.count) if self.count > 1 else np.array([self.start])
 
 

@@ -208,7 +208,8 @@ def clear_partial(path: Path) -> None:
 
 def open_lobes(path: Path) -> xr.Dataset:
     """Open a store as a dataset, lazily."""
-    return xr.open_zarr(path, consolidated=False)
+    lobes: xr.Dataset = xr.open_zarr(path, consolidated=False)
+    return lobes
 
 
 def now() -> str:

@@ -28,7 +28,6 @@ from pipeline.configuration import compose_settings, sort_words
 from pipeline.errors import StoreInUse
 from pipeline.progress import Journal, Meter
 from pipeline.settings import Settings, differing_keys
-from pipeline.store import Chunk
 from pipeline.task import KERNEL, Record, Task, compute_chunk
 
 OPTIONS = ("output", "retry_failed")
@@ -53,6 +52,7 @@ class Stopping:
     number: int = 0
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
+        """Handle a signal."""
         if self.number:
             raise KeyboardInterrupt
         self.number = number
@@ -126,7 +126,7 @@ def _prepare(settings: Settings, output: Path, path: Path, argv: list[str]) -> N
     """Create the store, or check that the one that is there belongs to these settings."""
     record = output / "settings.yaml"
     if record.exists() and path.exists():
-        existing = dict(zarr.open_group(path, mode="r").attrs)
+        existing: dict[str, Any] = dict(zarr.open_group(path, mode="r").attrs)
         if existing.get("fingerprint") != settings.fingerprint():
             wanted = json.loads(json.dumps(settings.scientific()))
             keys = differing_keys(existing.get("settings", {}), wanted)
@@ -244,15 +244,15 @@ def _record_of(future: Any, task: Task) -> Record:
 def _finish(output: Path, path: Path, journal: Journal) -> int:
     """Write the report and say what there is; return the exit code."""
     group = store.open_group(path)
-    counts: dict[str, int] = {}
-    for chunk in store.chunks(group):
-        for code, count in zip(*np.unique(store.status_of(group, chunk), return_counts=True), strict=True):
-            counts[int(code)] = counts.get(int(code), 0) + int(count)
-    names = {code: name for name, code in STATUS.items()}
-    failed = {names[code]: count for code, count in counts.items() if code != STATUS["ok"]}
-    group.attrs["complete"] = STATUS["pending"] not in counts
+    tally = sum(
+        (np.bincount(store.status_of(group, chunk).ravel(), minlength=len(STATUS)) for chunk in store.chunks(group)),
+        start=np.zeros(len(STATUS), dtype=int),
+    )
+    counts = {name: int(tally[code]) for name, code in STATUS.items() if tally[code]}
+    failed = {name: count for name, count in counts.items() if name != "ok"}
+    group.attrs["complete"] = "pending" not in counts
     written = report.write(output)
-    journal.write("end", counts={names[code]: count for code, count in counts.items()})
+    journal.write("end", counts=counts)
     print(f"store:   {path}")
     for file in written:
         print(f"written: {file}")

@@ -18,8 +18,8 @@ HARMONIC_RANGE = 1.5
 class FloquetSolution:
     """Critical motion x(t) = sum_j X_j exp(s_j t) of every point.
 
-    multiplier: (point,); converged: (point,) False where it did not settle; exponent s_j: (point, harmonic) [1/s]; state X_j: (point, harmonic,
-    state); output C X_j: (point, harmonic, output).
+    multiplier: (point,); converged: (point,) False where it did not settle; exponent s_j: (point,
+    harmonic) [1/s]; state X_j: (point, harmonic, state); output C X_j: (point, harmonic, output).
     """
 
     multiplier: ComplexArray

@@ -98,8 +98,11 @@ class CollocationMonodromy:
 
 @dataclass(frozen=True, kw_only=True)
 class _Elements:
-    """Layout of the elements: piece, start and length (point, element); length of an element in
-    each piece and whether a gain acts there (point, piece)."""
+    """Layout of the elements.
+
+    Piece, start and length are (point, element); the length of an element in each piece, and whether
+    a gain acts there, are (point, piece).
+    """
 
     piece: NDArray[np.intp]
     start: Array

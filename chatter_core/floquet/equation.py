@@ -53,8 +53,8 @@ class LinearSystem:
         condition = np.linalg.cond(modes)
         if not np.all(condition < LARGEST_CONDITION):
             raise UnsupportedEquation(
-                f"state matrix cannot be diagonalised (condition {condition.max():.1e}, allowed {LARGEST_CONDITION:.0e}): "
-                "two poles coincide, as at critical damping; change one of them a little"
+                f"state matrix cannot be diagonalised (condition {condition.max():.1e}, allowed "
+                f"{LARGEST_CONDITION:.0e}): two poles coincide, as at critical damping; change one of them a little"
             )
         return Spectrum(
             poles=poles.astype(complex), modes=modes.astype(complex), inverse=np.linalg.inv(modes).astype(complex)
@@ -73,8 +73,9 @@ class DelayedFeedback:
 class DelayEquation:
     """A batch of equations of one shape, one per point.
 
-    system: the linear systems; system_index: (point,), which of them is a point's; period: (point,) [s]; breakpoints: (point, breakpoint), the times in
-    [0, period) where a gain is not smooth, at least one.
+    system: the linear systems; system_index: (point,), which of them is a point's; period: (point,)
+    [s]; breakpoints: (point, breakpoint), the times in [0, period) where a gain is not smooth, at
+    least one.
     """
 
     system: LinearSystem

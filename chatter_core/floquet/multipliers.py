@@ -128,7 +128,8 @@ class _Krylov:
         rows = np.arange(len(best))
         theta, coordinates = values[rows, best], vectors[rows, :, best]
         residual = self.hessenberg[:, j, j - 1] * np.abs(coordinates[:, -1])
-        return theta, (coordinates[:, None, :] @ self.basis[:, :j])[:, 0], residual
+        vector = (coordinates[:, None, :] @ self.basis[:, :j].astype(complex))[:, 0]
+        return theta, vector, residual
 
     def select(self, points: NDArray[np.intp]) -> "_Krylov":
         return _Krylov(self.monodromy.select(points), self.basis[points], self.hessenberg[points], self.steps)

@@ -63,7 +63,7 @@ class SemiDiscretizationMonodromy:
 
     def force(self, vectors: ComplexArray) -> tuple[Array, Array, ComplexArray]:
         """Return times (point, sample), weights (point, sample) and feedback force (point, sample, input)."""
-        state, outputs, force = self._march(vectors)
+        _, _, force = self._march(vectors)
         intervals = self.present.shape[1]
         time = self.interval[:, None] * (np.arange(intervals) + 0.5)
         return time, np.broadcast_to(self.interval[:, None], time.shape), force
@@ -99,7 +99,7 @@ def build(equation: DelayEquation, intervals: int) -> SemiDiscretizationMonodrom
     )
     step = equation.period / intervals
     means = tuple(_interval_means(equation, feedback.gain, intervals) for feedback in equation.feedback)
-    inputs, outputs = means[0].shape[-2:]
+    outputs = means[0].shape[-1]
     wide = states + outputs * len(means)
     # One exponential gives the present and the delayed part, also where W_0 is singular.
     generator = np.zeros((points, intervals, wide, wide))

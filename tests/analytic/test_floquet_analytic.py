@@ -53,7 +53,7 @@ def test_turning_least_limit_is_two_k_zeta_one_plus_zeta(lobe):
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
 def test_hayes_equation(method):
-    """x' = -c (x - x(t - 1)) - a x: every multiplier exp(s) solves s + a + c = c exp(-s)."""
+    """X' = -c (x - x(t - 1)) - a x: every multiplier exp(s) solves s + a + c = c exp(-s)."""
     a, c = 0.7, 1.9
     system = LinearSystem(
         state_matrix=np.array([[[-a]]]), input_matrix=np.array([[[1.0]]]), output_matrix=np.array([[[1.0]]])

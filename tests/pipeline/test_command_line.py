@@ -71,8 +71,8 @@ bearing:
   ring: {{youngs_modulus_gpa: 206.0, poisson_ratio: 0.3, density_kg_m3: 7800.0}}
 spindle:
   sections:
-    - {{part: tool, {length}, outer_diameter_mm: {diameter}, youngs_modulus_gpa: 206.0, poisson_ratio: 0.3, density_kg_m3: 7800.0}}
-    - {{part: shaft, length_mm: 300.0, outer_diameter_mm: 50.0, youngs_modulus_gpa: 206.0, poisson_ratio: 0.3, density_kg_m3: 7800.0}}
+    - {{part: tool, {length}, outer_diameter_mm: {diameter}, {steel}}}
+    - {{part: shaft, length_mm: 300.0, outer_diameter_mm: 50.0, {steel}}}
   bearings: [{{position_mm: 100.0}}, {{position_mm: {rear}}}]
   preload_n: 100.0
   preload_type: constant
@@ -81,7 +81,8 @@ tool: {{teeth: 4, diameter_mm: 16.0, helix_angle_deg: 30.0, rake_angle_deg: 10.0
 cutting: {{kt_mpa: 900.0, kn: 0.3, friction_coefficient: 0.2}}
 process: {{direction: down, radial_immersion: 0.4, feed_per_tooth_mm: 0.08}}
 """
-GOOD = {"balls": "19", "length": "length_mm: 66.0", "diameter": "14.5", "rear": "300.0"}
+STEEL = "youngs_modulus_gpa: 206.0, poisson_ratio: 0.3, density_kg_m3: 7800.0"
+GOOD = {"steel": STEEL, "balls": "19", "length": "length_mm: 66.0", "diameter": "14.5", "rear": "300.0"}
 
 
 @pytest.mark.parametrize(

@@ -229,5 +229,5 @@ def test_a_flipped_bit_is_seen_on_reading(small, tmp_path):
     data = bytearray(file.read_bytes())
     data[len(data) // 2] ^= 0x10
     file.write_bytes(bytes(data))
-    with pytest.raises(ValueError, match="(?i)checksum"):
+    with pytest.raises(ValueError, match=r"(?i)checksum"):
         arrays(tmp_path)

@@ -61,5 +61,5 @@ def test_measured_modes_are_interpolated_between_speeds_and_kept_beyond():
 
 def test_more_modes_than_measured_are_refused():
     tip = Tip.model_validate({"modes": [mode("x", 500.0), mode("x", 900.0)]})
-    with pytest.raises(InvalidInput, match="mode_count: found 3, but tip.modes lists 2 modes of axis x"):
+    with pytest.raises(InvalidInput, match=r"mode_count: found 3, but tip\.modes lists 2 modes of axis x"):
         measured_modes(tip, np.array([100.0]), 3)
