@@ -5,6 +5,7 @@ chapter 5 (multipliers, kinds of stability loss and chatter frequencies in milli
 Chandrupatla, Adv. Eng. Softw. 28 (1997) 145-149 (the bracketing root finder, as in scipy).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -20,8 +21,13 @@ Array = NDArray[np.float64]
 
 #: Crossings kept for each speed; stability is lost at the odd ones and regained at the even ones.
 CROSSINGS = 8
-#: Points analysed at once.
+#: Points analysed at once, at most; and the memory that they may take together [bytes].
 BATCH = 64
+BATCH_MEMORY = 64e6
+#: Waves of the fastest mode in a tooth period beyond which a point is not analysed: a crawling spindle.
+MOST_WAVES = 600.0
+#: The same times the refinement of the resolution.
+MOST_RESOLVED_WAVES = 1500.0
 #: Limit depths are found to this [m].
 DEPTH_TOLERANCE = 1e-7
 #: Below the first depth asked for, the boundary is looked for down to this share of it.
@@ -132,14 +138,15 @@ def evaluate(
     """
     modes = int(built.modes.label.max())
     result = _empty(len(axial_depth), modes)
-    possible = built.solved[speed_index] & (axial_depth > 0.0)
+    waves = _waves(machine, built)[speed_index]
+    possible = built.solved[speed_index] & (waves <= MOST_WAVES)
     result.status[~possible] = STATUS["outside_validity"]
-    candidates = np.flatnonzero(possible)
+    resolved = waves * refinement
+    result.status[possible & (resolved > MOST_RESOLVED_WAVES)] = STATUS["not_converged"]
+    candidates = np.flatnonzero(possible & (resolved <= MOST_RESOLVED_WAVES))
     # Points of like resolution together: a batch is as fine as its finest point.
-    effort = refinement[candidates] / built.spindle_speed[speed_index[candidates]]
-    candidates = candidates[np.argsort(effort, kind="stable")]
-    for first in range(0, len(candidates), BATCH):
-        points = candidates[first : first + BATCH]
+    candidates = candidates[np.argsort(resolved[candidates], kind="stable")]
+    for points in _batches(candidates, resolved[candidates], method):
         equation = milling_equation(machine, built, speed_index[points], axial_depth[points])
         solution = analyse(equation, method, refinement[points])
         _fill(result, points, built, speed_index[points], solution)
@@ -166,6 +173,29 @@ def evaluate_to_tolerance(
         errors.append(error)
     joined = {f.name: np.concatenate([getattr(r, f.name) for r in results]) for f in fields(Stability)}
     return Stability(**joined), np.concatenate(errors)
+
+
+def _waves(machine: Machine, built: Structure) -> Array:
+    """Return the waves of the fastest mode in a tooth period (speed,); NaN where nothing is known."""
+    with np.errstate(divide="ignore"):
+        period = 2.0 * np.pi / (machine.tool.teeth * built.spindle_speed)
+    return np.asarray(built.modes.natural_frequency.max(axis=1) * period / (2.0 * np.pi))
+
+
+def _batches(candidates: NDArray[np.intp], waves: Array, method: MethodSettings) -> Iterator[NDArray[np.intp]]:
+    """Yield points in batches that fit the memory; ``waves`` ascend.
+
+    The harmonics of the force take harmonics times samples, both in proportion to the waves; the
+    maps of the elements or intervals take their number times some 20 kB.
+    """
+    first = 0
+    while first < len(candidates):
+        last = min(first + BATCH, len(candidates))
+        most = waves[last - 1]
+        memory = 720.0 * most**2 + 24e3 * (most + 1.0) + 24e3 * (method.intervals or 0)
+        last = max(first + 1, min(last, first + int(BATCH_MEMORY / memory)))
+        yield candidates[first:last]
+        first = last
 
 
 def _empty(points: int, modes: int) -> Stability:

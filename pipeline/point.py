@@ -109,6 +109,8 @@ def _reason(built: Structure, status: str) -> str:
         return ""
     if not built.solved[0]:
         return "the bearing has no equilibrium at this speed and preload; raise the preload or lower the speed"
+    if status == "outside_validity":
+        return "the spindle is so slow that the waves of its fastest mode in a tooth period cannot be resolved"
     return "the Floquet analysis did not meet its tolerance; allow a larger method.tolerance"
 
 

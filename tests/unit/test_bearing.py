@@ -1,0 +1,150 @@
+"""What the bearing stage promises beyond published numbers."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from chatter_core.bearing import (
+    axisymmetric_state,
+    balance,
+    ball_inertia,
+    ball_of,
+    unloaded_groove_distance,
+)
+from chatter_core.errors import NoEquilibrium
+from chatter_core.machine import Bearing
+
+RPM = 2.0 * math.pi / 60.0
+
+
+def central(function, at, step):
+    return (function(at + step) - function(at - step)) / (2.0 * step)
+
+
+def test_jacobians_of_the_ball_are_the_derivatives(reference_machine):
+    bearing = reference_machine.bearing
+    ball, groove = ball_of(bearing), unloaded_groove_distance(bearing) + np.array([8e-6, 1e-6])
+    centre, speed = 0.41 * groove + np.array([2e-7, 1.2e-6]), 15000.0 * RPM
+    found = balance(ball, groove, centre, speed)
+    step = 1e-10
+    for axis in range(2):
+        shift = step * np.eye(2)[axis]
+        by_centre = central(lambda s, d=shift / step: balance(ball, groove, centre + s * d, speed).residual, 0.0, step)
+        by_groove = central(lambda s, d=shift / step: balance(ball, groove + s * d, centre, speed).residual, 0.0, step)
+        inner = central(lambda s, d=shift / step: balance(ball, groove + s * d, centre, speed).inner_force, 0.0, step)
+        # Central differences over 1e-10 m: rounding of 1e-13 N over 1e-10 m against 1e7 N/m.
+        assert found.by_centre[:, axis] == pytest.approx(by_centre, rel=2e-5, abs=200.0)
+        assert found.by_inner[:, axis] == pytest.approx(by_groove, rel=2e-5, abs=200.0)
+        assert found.inner_slope[:, axis] == pytest.approx(inner, rel=2e-5, abs=200.0)
+
+
+def test_derivatives_of_the_ball_inertia(reference_machine):
+    ball = ball_of(reference_machine.bearing)
+    inner, outer, speed = 0.4, 0.15, 20000.0 * RPM
+    _, slopes = ball_inertia(ball, inner, outer, speed)
+    by_inner = central(lambda a: ball_inertia(ball, a, outer, speed)[0], inner, 1e-6)
+    by_outer = central(lambda a: ball_inertia(ball, inner, a, speed)[0], outer, 1e-6)
+    # Central differences over 1e-6 rad err by 1e-12 and round by 1e-10.
+    assert slopes == pytest.approx(np.stack([by_inner, by_outer], axis=1), rel=1e-7)
+
+
+@pytest.mark.parametrize("rpm", [0.0, 9000.0, 24000.0])
+def test_axial_stiffness_is_the_slope_of_load_over_displacement(rpm, reference_machine):
+    speed = np.array([rpm * RPM])
+    less, here, more = (
+        axisymmetric_state(reference_machine.bearing, load, speed, "constant") for load in (99.9, 100.0, 100.1)
+    )
+    slope = 0.2 / (more.axial_displacement[0] - less.axial_displacement[0])
+    # The solved displacements are differenced over 0.1 %: curvature leaves 1e-6, rounding less.
+    assert here.axial_stiffness[0] == pytest.approx(slope, rel=1e-5)
+
+
+def test_no_speed_depends_on_the_others(reference_machine):
+    speeds = np.array([12000.0, 0.0, 500.0, 12000.0, 24000.0, 12130.0]) * RPM
+    together = axisymmetric_state(reference_machine.bearing, 100.0, speeds, "constant")
+    for i, speed in enumerate(speeds):
+        alone = axisymmetric_state(reference_machine.bearing, 100.0, np.array([speed]), "constant")
+        assert alone.radial_stiffness[0] == together.radial_stiffness[i]
+
+
+def test_rigid_preload_is_constant_preload_at_standstill_and_grows_with_speed(reference_machine):
+    speeds = np.array([0.0, 12000.0, 24000.0]) * RPM
+    spring, locked = (
+        axisymmetric_state(reference_machine.bearing, 100.0, speeds, kind) for kind in ("constant", "rigid")
+    )
+    # The same equation at standstill: rounding alone.
+    assert locked.radial_stiffness[0] == pytest.approx(spring.radial_stiffness[0], rel=1e-10)
+    assert locked.axial_displacement == pytest.approx(np.full(3, spring.axial_displacement[0]), rel=1e-9)
+    assert locked.axial_load[0] == pytest.approx(100.0, rel=1e-9)
+    assert np.all(np.diff(locked.axial_load) > 0.0)
+    assert np.all(locked.radial_stiffness[1:] > spring.radial_stiffness[1:])
+    assert spring.axial_load == pytest.approx(np.full(3, 100.0), rel=1e-9)
+
+
+def test_standstill_is_hertz_in_closed_form(reference_machine):
+    state = axisymmetric_state(reference_machine.bearing, 100.0, np.zeros(1), "constant")
+    bearing, ball = reference_machine.bearing, ball_of(reference_machine.bearing)
+    angle, force = state.inner_contact_angle[0], state.inner_contact_force[0]
+    # One line through both contacts, in balance with the preload, at a distance that closes.
+    assert state.outer_contact_angle[0] == pytest.approx(angle, rel=1e-9)
+    assert bearing.ball_count * force * math.sin(angle) == pytest.approx(100.0, rel=1e-9)
+    give = (force / ball.inner_factor) ** (2 / 3) + (force / ball.outer_factor) ** (2 / 3)
+    reach = (ball.inner_reach + ball.outer_reach + give) * math.cos(angle)
+    assert reach == pytest.approx(unloaded_groove_distance(bearing)[1], rel=1e-12)
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(
+    preload=st.floats(20.0, 2000.0),
+    angle=st.floats(12.0, 40.0),
+    inner=st.floats(0.515, 0.57),
+    outer=st.floats(0.515, 0.57),
+    density=st.sampled_from([3200.0, 7800.0]),
+    kind=st.sampled_from(["constant", "rigid"]),
+)
+def test_equilibrium_holds_and_stiffness_is_positive(preload, angle, inner, outer, density, kind):
+    ball_modulus = 310.0 if density < 5000.0 else 206.0
+    bearing = Bearing.model_validate(
+        {
+            "pitch_diameter_mm": 60.0,
+            "ball_diameter_mm": 8.731,
+            "ball_count": 19,
+            "contact_angle_deg": angle,
+            "inner_groove_conformity": inner,
+            "outer_groove_conformity": outer,
+            "ball": {"youngs_modulus_gpa": ball_modulus, "poisson_ratio": 0.27, "density_kg_m3": density},
+            "ring": {"youngs_modulus_gpa": 206.0, "poisson_ratio": 0.3, "density_kg_m3": 7800.0},
+        }
+    )
+    state = axisymmetric_state(bearing, preload, np.array([0.0, 7000.0, 20000.0]) * RPM, kind)
+    state.require_solved()
+    lever = 2.0 * state.gyroscopic_moment / bearing.ball_diameter
+    outwards = (
+        state.inner_contact_force * np.cos(state.inner_contact_angle)
+        - state.outer_contact_force * np.cos(state.outer_contact_angle)
+        - lever * np.sin(state.outer_contact_angle)
+        + state.centrifugal_force
+    )
+    along = (
+        state.inner_contact_force * np.sin(state.inner_contact_angle)
+        - state.outer_contact_force * np.sin(state.outer_contact_angle)
+        + lever * np.cos(state.outer_contact_angle)
+    )
+    # The solver's own tolerance is 1e-12 of the largest force, plus rounding of distances.
+    assert np.abs(np.stack([outwards, along])).max() <= 1e-9 * state.outer_contact_force.max()
+    assert np.all(state.radial_stiffness > 0.0)
+    assert np.all(state.axial_stiffness > 0.0)
+    assert np.all(np.diff(state.centrifugal_force) > 0.0)
+
+
+def test_a_bearing_that_cannot_run_says_so(reference_machine):
+    state = axisymmetric_state(reference_machine.bearing, 1e-3, np.array([0.0, 20000.0 * RPM]), "constant")
+    assert list(state.solved) == [True, False]
+    assert math.isnan(state.radial_stiffness[1])
+    with pytest.raises(
+        NoEquilibrium, match=r"no equilibrium at 20000 rpm with a preload of 0\.001 N.*raise the preload"
+    ):
+        state.require_solved()

@@ -1,0 +1,158 @@
+"""Lobes: limit depths, statuses, shares, and the modes behind them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from chatter_core.chain import structure, structure_variables
+from chatter_core.errors import InvalidInput
+from chatter_core.floquet import MethodSettings
+from chatter_core.following import PATH_STEP, follow_modes, path_to
+from chatter_core.lobes import evaluate, evaluate_to_tolerance, lobe_block
+from chatter_core.variables import BIFURCATION, STATUS
+from tests.conftest import COLLOCATION
+
+RPM = 2.0 * math.pi / 60.0
+
+
+def lobes(machine, rpm, depth_mm, **choices):
+    usual = {"mode_count": 4, "modal_parameters": "dynamic", "method": COLLOCATION}
+    return lobe_block(
+        machine, spindle_speed=np.array(rpm) * RPM, axial_depth=np.array(depth_mm) * 1e-3, **{**usual, **choices}
+    )
+
+
+def test_the_spectral_radius_is_one_at_every_limit_depth(reference_machine):
+    rpm = [5000.0, 9000.0, 14000.0, 18000.0]
+    block = lobes(reference_machine, rpm, np.linspace(0.1, 6.0, 30))
+    built = structure(reference_machine, np.array(rpm) * RPM, mode_count=4)
+    index = np.arange(4)
+    radius, _ = evaluate_to_tolerance(reference_machine, built, block.limit_depth[:, 0], COLLOCATION)
+    # The root is known to 1e-7 m of about 1e-3 m, and the radius to 1e-4.
+    assert radius.spectral_radius == pytest.approx(np.ones(4), abs=2e-4)
+    for factor, stable in ((0.99, True), (1.01, False)):
+        near = evaluate(reference_machine, built, index, factor * block.limit_depth[:, 0], COLLOCATION, np.ones(4))
+        assert np.all((near.spectral_radius < 1.0) == stable)
+
+
+def test_limit_depths_do_not_depend_on_the_grid(reference_machine):
+    coarse, fine = (lobes(reference_machine, [8000.0, 16000.0], np.linspace(0.2, 3.0, n)) for n in (5, 41))
+    # Both are roots to 1e-7 m.
+    assert coarse.limit_depth[:, 0] == pytest.approx(fine.limit_depth[:, 0], abs=3e-7)
+
+
+def test_stability_lost_below_the_first_depth_is_found(reference_machine):
+    deep = lobes(reference_machine, [14000.0], [2.0, 3.0])
+    shallow = lobes(reference_machine, [14000.0], [0.5, 1.0, 2.0])
+    assert deep.limit_depth[0, 0] == pytest.approx(shallow.limit_depth[0, 0], abs=3e-7)
+
+
+def test_both_crossings_of_an_unstable_island_are_found(reference_machine):
+    """At the tooth passing frequency twice the first mode's, mode 1 alone flips in a narrow range."""
+    rpm = np.linspace(14100.0, 14300.0, 21)
+    block = lobes(reference_machine, rpm, np.linspace(0.3, 1.2, 46), mode_count=1)
+    flips = block.limit_bifurcation[:, 0] == BIFURCATION["flip"]
+    assert flips.any()
+    assert not flips.all()
+    # In the middle of the flip lobe the limit is clearly below that of its neighbours.
+    assert block.limit_depth[flips, 0].min() < 0.9 * block.limit_depth[~flips, 0].min()
+
+
+def test_shares_are_shares_and_the_dominant_mode_has_the_largest(reference_machine):
+    built = structure(reference_machine, np.array([5000.0, 17000.0]) * RPM, mode_count=4)
+    found = evaluate(reference_machine, built, np.array([0, 1]), np.full(2, 1.2e-3), COLLOCATION, np.ones(2))
+    assert found.mode_share.sum(axis=1) == pytest.approx(np.ones(2), rel=1e-12)
+    assert list(found.dominant_mode) == list(found.mode_share.argmax(axis=1) + 1)
+    # Low speed: the tool's bending mode; high speed: the first rigid mode of the spindle.
+    assert list(found.dominant_mode) == [4, 1]
+
+
+def test_chatter_frequency_lies_near_the_dominant_mode(reference_machine):
+    rpm = [6500.0, 17000.0]
+    block = lobes(reference_machine, rpm, np.linspace(0.1, 3.0, 20))
+    built = structure(reference_machine, np.array(rpm) * RPM, mode_count=4)
+    dominant = built.modes.natural_frequency[np.arange(2), block.limit_dominant_mode[:, 0] - 1]
+    # Chatter is heard within a few half-widths (2 zeta, up to 9 % here) of the mode that it rides on.
+    assert block.limit_chatter_frequency[:, 0] == pytest.approx(dominant, rel=0.1)
+
+
+def test_a_speed_without_equilibrium_is_marked_and_the_others_are_not(reference_machine):
+    machine = reference_machine.with_preload(1e-3)
+    block = lobes(machine, [10.0, 20000.0], [0.01, 0.02], mode_count=1)
+    assert np.all(block.status[0] == STATUS["ok"])
+    assert np.all(block.status[1] == STATUS["outside_validity"])
+    assert np.all(np.isnan(block.spectral_radius[1]))
+    assert np.all(np.isnan(block.limit_depth[1]))
+    assert np.all(block.dominant_mode[1] == 0)
+
+
+def test_a_crawling_spindle_is_marked_before_memory_is_taken(reference_machine):
+    block = lobes(reference_machine, [0.05, 9000.0], [0.5, 1.0])
+    assert np.all(block.status == [[STATUS["outside_validity"]] * 2, [STATUS["ok"]] * 2])
+
+
+def test_a_tolerance_that_cannot_be_met_is_said(reference_machine):
+    block = lobes(reference_machine, [9000.0], [1.0], method=MethodSettings(name="collocation", tolerance=1e-9))
+    honest = np.all(block.status == STATUS["ok"]) == bool(block.error_estimate[0] <= 1e-9)
+    assert honest
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])
+def test_the_error_estimate_covers_the_error_and_meets_the_tolerance(tolerance, reference_machine):
+    rpm = [2500.0, 7000.0, 12000.0]
+    depth = np.array([1.0e-3])
+    method = MethodSettings(name="collocation", tolerance=tolerance)
+    block = lobes(reference_machine, rpm, depth * 1e3, method=method)
+    built = structure(reference_machine, np.array(rpm) * RPM, mode_count=4)
+    exact = evaluate(reference_machine, built, np.arange(3), np.repeat(depth, 3), COLLOCATION, np.full(3, 8.0))
+    error = np.abs(block.spectral_radius[:, 0] / exact.spectral_radius - 1.0)
+    assert np.all(block.error_estimate <= tolerance)
+    # The estimate compares with a mesh 1.5 times as fine, which leaves at most a hundredth of the error.
+    assert np.all(error <= 1.05 * block.error_estimate + 1e-9)
+
+
+def test_frequencies_and_modal_stiffness_of_the_reference_machine(reference_machine):
+    """Euler-Bernoulli tip modes by an independent beam program, to the digits it printed."""
+    spindle = reference_machine.spindle.model_copy(update={"beam": "euler_bernoulli"})
+    machine = reference_machine.model_copy(update={"spindle": spindle})
+    found = structure_variables(machine, np.array([0.0, 8000.0, 12000.0, 20000.0]) * RPM, mode_count=4)
+    hertz = found["natural_frequency"][:, 0] / (2.0 * math.pi)
+    expected = [[871, 1355, 1607, 2482], [704, 1008, 1480, 2457], [528, 723, 1418, 2445], [428, 578, 1398, 2442]]
+    assert hertz == pytest.approx(np.array(expected, dtype=float), abs=0.6)
+    stiffness = found["modal_stiffness"][:, 0] * 1e-6
+    expected = [[1336, 67.4, 14.8, 6.7], [110, 66.7, 16.9, 6.2], [34.6, 47.7, 18.5, 6.0], [19.5, 34.6, 19.3, 5.9]]
+    # Printed to three digits; the first mode's node lies near the tip at standstill, which makes its
+    # stiffness sensitive: 0.3 %.
+    assert stiffness == pytest.approx(np.array(expected), rel=3e-3, abs=0.06)
+
+
+def test_more_modes_than_the_model_has_are_refused(reference_machine):
+    with pytest.raises(InvalidInput, match=r"mode_count: found 60, allowed at most 2\d"):
+        structure(reference_machine, np.array([100.0]), mode_count=60)
+
+
+def test_static_parameters_are_those_of_standstill(reference_machine):
+    speeds = np.array([0.0, 10000.0, 20000.0]) * RPM
+    static = structure(reference_machine, speeds, mode_count=3, modal_parameters="static")
+    rest = structure(reference_machine, np.zeros(3), mode_count=3)
+    np.testing.assert_array_equal(static.modes.natural_frequency, rest.modes.natural_frequency)
+
+
+def test_modes_are_followed_alike_from_any_grid(reference_machine):
+    speeds = np.linspace(500.0, 23777.0, 40) * RPM
+    together = structure(reference_machine, speeds, mode_count=4)
+    for i in (0, 17, 39):
+        alone = structure(reference_machine, speeds[[i]], mode_count=4)
+        # The batched eigensolver sees the same matrices: rounding alone.
+        assert alone.modes.natural_frequency[0] == pytest.approx(together.modes.natural_frequency[i], rel=1e-12)
+        assert alone.modes.tracking_confidence[0] == pytest.approx(together.modes.tracking_confidence[i], rel=1e-9)
+
+
+def test_modes_that_exchange_their_order_keep_their_number():
+    """Two uncoupled modes cross: told by shape, the first stays the first although it comes second."""
+    path, _ = path_to(np.array([4.0 * PATH_STEP]))
+    shapes = np.stack([np.eye(3) if speed < 2.5 * PATH_STEP else np.eye(3)[:, [1, 0, 2]] for speed in path])
+    index, confidence = follow_modes(path, shapes, 2)
+    assert [list(row) for row in index] == [[0, 1], [0, 1], [0, 1], [1, 0], [1, 0]]
+    assert np.all(confidence == 1.0)
