@@ -31,7 +31,7 @@ PreloadType = Literal["constant", "rigid"]
 #: Step of the path from standstill [rad/s] (250 rpm); it is halved where Newton's method fails.
 PATH_STEP = 250.0 * 2.0 * math.pi / 60.0
 #: Halvings of a step before the path ends.
-HALVINGS = 8
+HALVINGS = 16
 #: Residual force that counts as equilibrium, relative to the largest force on the ball.
 FORCE_TOLERANCE = 1e-12
 #: Rounding of a distance, relative to it.
@@ -251,7 +251,7 @@ def axisymmetric_state(
     continued from standstill along one fixed path of speeds, so that it does not depend on which
     other speeds are asked for. ``solved`` is False from the speed on where the path ends.
 
-    Valid while every ball touches both races; preload positive. Source: Jones (1960).
+    Valid while every ball touches both races, for preloads from 0.1 N. Source: Jones (1960).
     """
     ball, unloaded = ball_of(bearing), unloaded_groove_distance(bearing)
     path = _Path(ball=ball, unloaded=unloaded, axial_force=preload / bearing.ball_count)
@@ -337,7 +337,7 @@ class _Path:
         while True:
             following = self._newton(unknowns, min(speed + step, end), held)
             if following is not None:
-                speed, unknowns = min(speed + step, end), following
+                speed, unknowns, step = min(speed + step, end), following, 2.0 * step
                 if speed >= end:
                     return unknowns
             else:

@@ -15,6 +15,8 @@ from chatter_core.units import si_factor
 
 #: A position counts as on the shaft when it misses its end by less than this [m].
 POSITION_TOLERANCE = 1e-9
+#: Bounds of the axial preload of a single bearing [N].
+LEAST_PRELOAD, MOST_PRELOAD = 0.1, 1e6
 
 
 class Description(BaseModel):
@@ -176,7 +178,9 @@ class Spindle(Description):
     sections: tuple[Section, ...] = Field(min_length=1, max_length=1000, description="pieces, tip first")
     bearings: tuple[BearingSeat, ...] = Field(min_length=1, max_length=20, description="bearing seats")
     discs: tuple[Disc, ...] = Field(default=(), max_length=100, description="rigid discs")
-    preload: float = Field(alias="preload_n", gt=0, le=1e6, description="axial preload on every single bearing")
+    preload: float = Field(
+        alias="preload_n", ge=LEAST_PRELOAD, le=MOST_PRELOAD, description="axial preload on every single bearing"
+    )
     preload_type: Literal["constant", "rigid"] = Field(
         description="constant: a spring keeps the force; rigid: locked rings keep the displacement of standstill"
     )

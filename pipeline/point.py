@@ -13,7 +13,7 @@ from chatter_core.chain import Structure, structure
 from chatter_core.errors import InvalidInput
 from chatter_core.floquet import MethodSettings
 from chatter_core.lobes import evaluate_to_tolerance, lobe_block
-from chatter_core.machine import Machine
+from chatter_core.machine import LEAST_PRELOAD, MOST_PRELOAD, Machine
 from chatter_core.reading import sentences
 from chatter_core.tip import AXES
 from chatter_core.units import si_factor
@@ -31,7 +31,9 @@ class PointOptions(BaseModel):
 
     spindle_speed_rpm: float = Field(gt=0, le=1e6, description="spindle speed")
     axial_depth_mm: float = Field(gt=0, le=1e4, description="axial depth of cut")
-    preload_n: float | None = Field(default=None, gt=0, le=1e6, description="axial preload on every single bearing")
+    preload_n: float | None = Field(
+        default=None, ge=LEAST_PRELOAD, le=MOST_PRELOAD, description="axial preload on every single bearing"
+    )
     modes: int | None = Field(default=None, ge=1, le=100, description="modes kept on each axis")
     modal_parameters: str = Field(default="dynamic", pattern=f"^({'|'.join(MODAL_PARAMETERS)})$", description="")
     format: str = Field(default="text", pattern="^(text|json)$", description="text or json")

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from chatter_core.floquet import MethodSettings
-from chatter_core.machine import Machine
+from chatter_core.machine import LEAST_PRELOAD, MOST_PRELOAD, Machine
 from chatter_core.variables import MODAL_PARAMETERS
 
 #: Raised when the meaning of what a store holds changes.
@@ -80,6 +80,10 @@ class Grid(Part):
             raise ValueError("mode_count: allowed: whole numbers from 1 to 100")
         if len(set(self.modal_parameters)) < len(self.modal_parameters):
             raise ValueError(f"modal_parameters: allowed: {', '.join(MODAL_PARAMETERS)}, each once")
+        if self.preload_n is not None:
+            preloads = self.preload_n.points()
+            if preloads[0] < LEAST_PRELOAD or preloads[-1] > MOST_PRELOAD:
+                raise ValueError(f"preload_n: allowed: {LEAST_PRELOAD:g} to {MOST_PRELOAD:g}")
         if self.spindle_speed_rpm.points()[-1] > 1e6:
             raise ValueError("spindle_speed_rpm: allowed: at most 1e6")
         if self.axial_depth_mm.points()[-1] > 1e4:

@@ -38,9 +38,11 @@ def test_point_beyond_the_limit_says_chatter(capsys):
 
 
 def test_point_where_a_bearing_cannot_run_is_marked(capsys):
-    code, said = answer(capsys, "spindle_speed_rpm=200000", "preload_n=0.001")
-    assert said["status"] in ("ok", "outside_validity")
-    assert code == (0 if said["status"] == "ok" else 1)
+    code, said = answer(capsys, "spindle_speed_rpm=200000", "spindle.preload_type=rigid")
+    assert code == 1
+    assert said["status"] == "outside_validity"
+    assert said["spectral_radius"] is None
+    assert "no equilibrium" in said["reason"]
 
 
 def test_a_machine_of_measured_tip_modes_runs_without_bearing_and_spindle(capsys, tmp_path):
