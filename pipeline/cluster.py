@@ -1,6 +1,7 @@
 """Where chunks are computed: one factory, the same task everywhere."""
 
 import logging
+import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from tempfile import TemporaryDirectory
@@ -15,6 +16,8 @@ from pipeline.settings import Cluster
 
 #: Seconds to wait for the first worker.
 WORKER_PATIENCE = 60
+#: Address of the pages that Dask always serves: any free port, from this machine alone.
+LOOPBACK = "127.0.0.1:0"
 
 
 class OneThreadEach(WorkerPlugin):  # type: ignore[misc]
@@ -27,14 +30,29 @@ class OneThreadEach(WorkerPlugin):  # type: ignore[misc]
         threadpool_limits(1)
 
 
+class DeafToInterrupts(WorkerPlugin):  # type: ignore[misc]
+    """Let a worker process finish its chunk when Ctrl-C reaches the whole terminal: the driver decides."""
+
+    name = "deaf-to-interrupts"
+
+    def setup(self, worker: Any) -> None:
+        """Ignore SIGINT in the worker's process."""
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 @contextmanager
 def open_client(cluster: Cluster) -> Iterator[Client | None]:
     """Yield a client of the cluster, None for ``serial``; what was started here is stopped again."""
     if cluster.kind == "serial":
         yield None
         return
-    quiet = {"distributed.worker.daemon": True, "distributed.admin.low-level-log-length": 0}
-    with TemporaryDirectory(prefix="chatter-") as scratch, dask.config.set({**quiet, "temporary-directory": scratch}):
+    options = {
+        "distributed.worker.daemon": True,
+        "distributed.admin.low-level-log-length": 0,
+        # The sweep itself tries again, one chunk at a time, what was on a worker that died.
+        "distributed.scheduler.allowed-failures": 1,
+    }
+    with TemporaryDirectory(prefix="chatter-") as scratch, dask.config.set({**options, "temporary-directory": scratch}):
         if cluster.kind == "address":
             yield from _connect(cluster.address)
         else:
@@ -45,12 +63,16 @@ def open_client(cluster: Cluster) -> Iterator[Client | None]:
                     n_workers=count if processes else 1,
                     threads_per_worker=1 if processes else count,
                     processes=processes,
-                    dashboard_address=None,
+                    # Any free port of this machine alone: nothing is open to others, and runs do not collide.
+                    dashboard_address=LOOPBACK,
+                    worker_dashboard_address=LOOPBACK,
                     **({"host": "127.0.0.1"} if processes else {}),  # threads speak without a network
                     silence_logs=logging.CRITICAL,
                 ) as local,
                 Client(local) as client,
             ):
+                if processes:
+                    client.register_plugin(DeafToInterrupts())
                 yield _ready(client)
 
 

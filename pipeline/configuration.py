@@ -33,6 +33,13 @@ class Words:
     values: list[str]
     machine_file: Path | None
 
+    @property
+    def name_the_preload(self) -> bool:
+        """Whether the machine's own preload is named by the user, and no preloads of the grid are."""
+        keys = {word.partition("=")[0] for word in self.values}
+        named = self.machine_file is not None or "spindle.preload_n" in keys
+        return named and not any(key.startswith("grid.preload_n") for key in keys)
+
 
 def groups() -> dict[str, list[str]]:
     """Return the shipped groups and the choices in each."""
@@ -82,17 +89,18 @@ def compose_settings(words: Words) -> Settings:
     """
     data = _compose(words)
     if words.machine_file is not None:
-        data = {key: value for key, value in data.items() if key not in MACHINE_KEYS}
+        # A part that is chosen by name stays chosen.
+        data = {key: value for key, value in data.items() if key not in MACHINE_KEYS or key in words.choices}
         described = load_yaml(words.machine_file)
-        # What a shipped grid says of preloads does not concern a machine that knows none.
-        if "tip" in described:
-            data["grid"].pop("preload_n", None)
         foreign = [key for key in described if key not in MACHINE_KEYS]
         if foreign:
             raise InvalidInput(
                 [f"{words.machine_file}: {key}: unknown key; {nearest(key, list(MACHINE_KEYS))}" for key in foreign]
             )
-        data |= described
+        data |= {key: value for key, value in described.items() if key not in words.choices}
+    if words.name_the_preload:
+        # It takes the place of a shipped grid's list, which would hide it.
+        data["grid"].pop("preload_n", None)
     data = _with_values(data, words.values)
     roots = [*MACHINE_KEYS, *(key for key in Settings.model_fields if key != "machine")]
     problems = [f"{key}: unknown key; {nearest(key, roots)}" for key in data if key not in roots]

@@ -1,5 +1,11 @@
 """What can go wrong around the physics."""
 
+from chatter_core.errors import ChatterError
+
 
 class StoreInUse(Exception):
     """Another run holds the store."""
+
+
+class WorkersLost(ChatterError):
+    """Every worker of a cluster has gone and none came back."""

@@ -8,6 +8,7 @@ status has no zero left; a chunk equal to the fill value is never written, hence
 import platform
 import subprocess
 import sys
+import warnings
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
@@ -19,6 +20,7 @@ import numpy as np
 import xarray as xr
 import zarr
 from zarr.codecs import Crc32cCodec, ZstdCodec
+from zarr.errors import ZarrUserWarning
 
 from chatter_core.chain import structure_variables
 from chatter_core.lobes import CROSSINGS, LobeBlock
@@ -101,6 +103,10 @@ def create(path: Path, settings: Settings, argv: list[str]) -> None:
             **provenance(argv),
         }
     )
+    with warnings.catch_warnings():
+        # Not yet in Zarr's specification, but what xarray looks for first.
+        warnings.simplefilter("ignore", ZarrUserWarning)
+        zarr.consolidate_metadata(path)
 
 
 def _structure(settings: Settings, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

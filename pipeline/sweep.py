@@ -5,6 +5,7 @@ import os
 import signal
 import socket
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,9 +24,9 @@ from threadpoolctl import threadpool_limits
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS
 from pipeline import report, store
-from pipeline.cluster import open_client, worker_count
+from pipeline.cluster import WORKER_PATIENCE, open_client, worker_count
 from pipeline.configuration import compose_settings, sort_words
-from pipeline.errors import StoreInUse
+from pipeline.errors import StoreInUse, WorkersLost
 from pipeline.progress import Journal, Meter
 from pipeline.settings import Settings, differing_keys
 from pipeline.task import KERNEL, Record, Task, compute_chunk
@@ -35,6 +36,8 @@ OPTIONS = ("output", "retry_failed")
 WINDOW = 3
 #: Attempts at a chunk whose worker died.
 RETRIES = 2
+#: Seconds between two looks for tasks that have ended; a task takes about a second.
+POLL = 0.01
 
 
 class Stopped(Exception):
@@ -144,7 +147,7 @@ def _prepare(settings: Settings, output: Path, path: Path, argv: list[str]) -> N
 def _compute(settings: Settings, path: Path, journal: Journal, retry_failed: bool, kernel: str) -> None:
     group = store.open_group(path)
     every = store.chunks(group)
-    pending = [chunk for chunk in every if _is_pending(store.status_of(group, chunk), retry_failed)]
+    pending = [chunk for chunk in every if _is_pending(_readable_status(group, chunk), retry_failed)]
     cells = {chunk: (chunk.last - chunk.first) * _depths(group) for chunk in every}
     total, done = sum(cells.values()), sum(cells.values()) - sum(cells[chunk] for chunk in pending)
     if not pending:
@@ -165,6 +168,14 @@ def _compute(settings: Settings, path: Path, journal: Journal, retry_failed: boo
             meter.advance(cells[record.chunk])
         if stopping.number:
             raise Stopped(stopping.number)
+
+
+def _readable_status(group: zarr.Group, chunk: store.Chunk) -> np.ndarray:
+    """Return the status of a chunk, pending where it cannot be read: it is computed again then."""
+    try:
+        return store.status_of(group, chunk)
+    except (ValueError, RuntimeError):  # checksum, decompression
+        return np.zeros((chunk.last - chunk.first, _depths(group)), dtype=np.uint8)
 
 
 def _is_pending(status: np.ndarray, retry_failed: bool) -> bool:
@@ -204,8 +215,11 @@ def _serial(tasks: list[Task], stopping: Stopping) -> Iterator[Record]:
 
 
 def _distributed(tasks: list[Task], client: Client, stopping: Stopping) -> Iterator[Record]:
-    """Hand out tasks in a bounded window, so that the scheduler stays small however many there are."""
-    waiting = iter(tasks)
+    """Hand out tasks in a bounded window, so that the scheduler stays small however many there are.
+
+    A worker that dies puts all tasks it held under suspicion; each of those is tried again alone.
+    """
+    waiting, suspects = iter(tasks), list[Task]()
     window = worker_count(client) * (1 + WINDOW)
     running = as_completed()
     owner: dict[str, Task] = {}
@@ -219,10 +233,16 @@ def _distributed(tasks: list[Task], client: Client, stopping: Stopping) -> Itera
 
     for _ in range(window):
         hand_out()
-    for future in running:
+    while owner:
+        _wait_for_one(running, client)
+        future = next(running)
         task = owner.pop(future.key)
         if not future.cancelled():
-            yield _record_of(future, task)
+            record = _record_of(future)
+            if record is None:
+                suspects.append(task)
+            else:
+                yield record
         if stopping.number and owner:
             # What no worker has begun is taken back; what is in progress is waited for.
             begun = {key for keys in client.processing().values() for key in keys}
@@ -230,15 +250,52 @@ def _distributed(tasks: list[Task], client: Client, stopping: Stopping) -> Itera
                 if other.key not in begun:
                     other.cancel()
         hand_out()
+    for task in suspects:
+        if not stopping.number:
+            yield _alone(task, client)
 
 
-def _record_of(future: Any, task: Task) -> Record:
+def _wait_for_one(running: as_completed, client: Client) -> None:
+    """Wait until a task has ended.
+
+    Raises WorkersLost when there was no worker for WORKER_PATIENCE seconds, where as_completed
+    alone would wait for ever.
+    """
+    seen = looked = time.monotonic()
+    while not running.has_ready():
+        time.sleep(POLL)
+        now = time.monotonic()
+        if now - looked > 1.0:
+            looked = now
+            if client.nthreads():
+                seen = now
+            elif now - seen > WORKER_PATIENCE:
+                raise WorkersLost(
+                    f"cluster: no worker for {WORKER_PATIENCE} s; nothing is lost, the same command goes on"
+                )
+
+
+def _record_of(future: Any) -> Record | None:
+    """Return the record of a task that has ended, None where its workers died."""
     try:
         record: Record = future.result()
         return record
-    except KilledWorker as error:
-        store.mark_chunk(task.store, task.chunk, STATUS["worker_lost"])
-        return Record(chunk=task.chunk, counts={"worker_lost": 1}, seconds=0.0, errors=(str(error),))
+    except KilledWorker:
+        return None
+
+
+def _alone(task: Task, client: Client) -> Record:
+    """Compute a chunk with nothing beside it, so that a worker's death is its own; then it is marked."""
+    future = client.submit(compute_chunk, task, pure=False)
+    running = as_completed([future])
+    _wait_for_one(running, client)
+    record = _record_of(future)
+    if record is not None:
+        return record
+    store.mark_chunk(task.store, task.chunk, STATUS["worker_lost"])
+    lost = store.status_of(store.open_group(task.store), task.chunk).size
+    text = "the worker died on this chunk alone: killed from outside, or out of memory"
+    return Record(chunk=task.chunk, counts={"worker_lost": lost}, seconds=0.0, errors=(text,))
 
 
 def _finish(output: Path, path: Path, journal: Journal) -> int:

@@ -175,8 +175,8 @@ def test_a_second_run_on_one_store_is_refused_and_told_who_holds_it(small, tmp_p
 def test_a_store_of_other_settings_is_refused_with_the_keys(small, tmp_path):
     execute(small, tmp_path, kernel=PLAIN)
     before = arrays(tmp_path)
-    other = settings_of("study=smoke", "cluster=serial", "tool.teeth=3", "spindle.preload_n=150")
-    with pytest.raises(InvalidInput, match=r"differ in: machine\.spindle\.preload_n, machine\.tool\.teeth"):
+    other = settings_of("study=smoke", "cluster=serial", "tool.teeth=3", "process.radial_immersion=0.5")
+    with pytest.raises(InvalidInput, match=r"differ in: machine\.process\.radial_immersion, machine\.tool\.teeth"):
         execute(other, tmp_path, kernel=PLAIN)
     assert_same(before, arrays(tmp_path))
 

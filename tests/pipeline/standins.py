@@ -1,0 +1,73 @@
+"""Kernels in the place of the physics: exact functions of a cell, slow ones, and ones that fail."""
+
+import os
+import signal
+import time
+from typing import Any
+
+import numpy as np
+
+from chatter_core.errors import NoEquilibrium
+from chatter_core.lobes import CROSSINGS, LobeBlock
+from chatter_core.units import SUFFIXES
+
+#: Preload [N] at which the failing kernels fail.
+BAD_PRELOAD = 200.0
+#: Below this speed [rpm] the failing kernels fail.
+BAD_SPEED = 9000.0
+
+
+def plain(
+    machine: Any, *, spindle_speed: Any, axial_depth: Any, mode_count: int, modal_parameters: str, method: Any
+) -> LobeBlock:
+    """Return numbers that depend on every coordinate of a cell and on nothing else."""
+    preload = machine.spindle.preload if machine.spindle else 0.0
+    outer = preload + 7.0 * mode_count + (0.5 if modal_parameters == "static" else 0.0)
+    cell = np.sin(spindle_speed[:, None] * outer) + 1e3 * axial_depth[None, :]
+    line = cell[:, :1] + np.arange(CROSSINGS)
+    return LobeBlock(
+        spectral_radius=cell,
+        multiplier_angle=cell + 0.25,
+        chatter_frequency=1e3 * cell,
+        bifurcation=np.full(cell.shape, 1, dtype=np.int8),
+        dominant_mode=np.full(cell.shape, mode_count, dtype=np.int8),
+        dominant_mode_share=cell / 8.0,
+        error_estimate=cell[:, 0] * 1e-6,
+        limit_depth=1e-3 * line,
+        limit_chatter_frequency=1e3 * line,
+        limit_dominant_mode=np.full(line.shape, mode_count, dtype=np.int8),
+        limit_bifurcation=np.full(line.shape, 1, dtype=np.int8),
+        status=np.ones(cell.shape, dtype=np.uint8),
+    )
+
+
+def slow(machine: Any, **cells: Any) -> LobeBlock:
+    """Take a tenth of a second for each speed."""
+    time.sleep(0.1 * len(cells["spindle_speed"]))
+    return plain(machine, **cells)
+
+
+def _is_bad(machine: Any, cells: dict[str, Any]) -> bool:
+    slowest = cells["spindle_speed"].min() / SUFFIXES["rpm"][0]
+    return bool(machine.spindle.preload == BAD_PRELOAD and slowest < BAD_SPEED)
+
+
+def without_equilibrium(machine: Any, **cells: Any) -> LobeBlock:
+    """Find no equilibrium in one corner of the grid."""
+    if _is_bad(machine, cells):
+        raise NoEquilibrium("the ball leaves its race")
+    return plain(machine, **cells)
+
+
+def broken(machine: Any, **cells: Any) -> LobeBlock:
+    """Fail in a way that nobody foresaw in one corner of the grid."""
+    if _is_bad(machine, cells):
+        raise ZeroDivisionError("an error in the physics")
+    return plain(machine, **cells)
+
+
+def deadly(machine: Any, **cells: Any) -> LobeBlock:
+    """Kill the worker in one corner of the grid, as the kernel does when memory runs out."""
+    if _is_bad(machine, cells):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return plain(machine, **cells)

@@ -1,0 +1,82 @@
+"""A study of twelve small chunks, and how to run it with a kernel in the place of the physics."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from pipeline.configuration import compose_settings, sort_words
+from pipeline.settings import Settings
+from pipeline.sweep import OPTIONS, execute
+
+ROOT = Path(__file__).parents[2]
+#: 2 preloads x 2 numbers of modes x 3 blocks of two speeds x 4 depths.
+WORDS = (
+    "study=smoke",
+    "grid.spindle_speed_rpm={start: 8000, stop: 13000, count: 6}",
+    "grid.axial_depth_mm=[0.5, 1.0, 1.5, 2.0]",
+    "grid.preload_n=[100, 200]",
+    "grid.mode_count=[1, 2]",
+    "grid.modal_parameters=[dynamic]",
+    "cluster.cells_per_task=8",
+    "cluster=serial",
+)
+CHUNKS = 12
+CELLS = 96
+
+
+def study(*words: str) -> Settings:
+    """Return the settings of the small study, changed by words (a word replaces one of the same key)."""
+    keys = {word.partition("=")[0] for word in words}
+    kept = [word for word in WORDS if word.partition("=")[0] not in keys]
+    return compose_settings(sort_words([*kept, *words], OPTIONS))
+
+
+def sweep(output: Path, *words: str, kernel: str = "plain", retry_failed: bool = False) -> int:
+    """Run the small study in this process."""
+    return execute(study(*words), output, retry_failed=retry_failed, kernel=f"tests.pipeline.standins:{kernel}")
+
+
+def sweep_process(output: Path, *words: str, kernel: str = "slow") -> subprocess.Popen[str]:
+    """Run the small study in a process of its own, in a process group of its own."""
+    script = (
+        "import sys\n"
+        "from pathlib import Path\n"
+        "from tests.pipeline.studies import study\n"
+        "from pipeline.__main__ import main\n"
+        "from pipeline import sweep\n"
+        "if __name__ == '__main__':\n"
+        f"    sweep.run = lambda words: sweep.execute(study(*words[1:]), Path(words[0]), argv=words,"
+        f" kernel='tests.pipeline.standins:{kernel}')\n"
+        "    sys.exit(main(['sweep', *sys.argv[1:]]))\n"
+    )
+    # A file, not -c: worker processes import the script again.
+    file = output.parent / "run_sweep.py"
+    file.write_text(script)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
+    return subprocess.Popen(
+        [sys.executable, str(file), str(output), *words],
+        cwd=output.parent,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def lobes(output: Path) -> xr.Dataset:
+    """Return a finished store, loaded."""
+    with xr.open_zarr(output / "lobes.zarr", consolidated=False) as opened:
+        return opened.load()
+
+
+def journal(output: Path, event: str) -> list[dict[str, Any]]:
+    """Return the events of one kind from the journal."""
+    path = output / "journal.jsonl"
+    events = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    return [found for found in events if found["event"] == event]

@@ -1,0 +1,126 @@
+"""Runs in trouble: Ctrl-C in a terminal, a worker lost or all of them, a second run, open ports."""
+
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+from unittest.mock import Mock
+
+import numpy as np
+import psutil
+import pytest
+import xarray as xr
+
+from chatter_core.variables import STATUS
+from pipeline import store
+from pipeline import sweep as sweep_module
+from pipeline.cluster import open_client
+from pipeline.errors import WorkersLost
+from pipeline.settings import Cluster
+from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED
+from tests.pipeline.studies import CHUNKS, journal, lobes, sweep, sweep_process
+
+#: A process that has not come this far in a minute never will; no result depends on it.
+PATIENCE = 60.0
+
+
+def wait_for_chunks(process: subprocess.Popen[str], output: Path, count: int) -> None:
+    """Wait until some chunks are done."""
+    end = time.monotonic() + PATIENCE
+    while len(journal(output, "chunk")) < count:
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def finished_chunks(output: Path) -> list[store.Chunk]:
+    group = store.zarr.open_group(output / "lobes.zarr", mode="r")
+    return [chunk for chunk in store.chunks(group) if store.status_of(group, chunk).all()]
+
+
+@pytest.fixture(autouse=True)
+def without_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out tables and figures, which take longer than everything else."""
+    monkeypatch.setattr("pipeline.report.write", lambda output: [])
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    output = tmp_path_factory.mktemp("reference") / "study"
+    assert sweep(output) == 0
+    return lobes(output)
+
+
+def test_ctrl_c_in_a_terminal_ends_a_run_with_worker_processes_in_good_order(
+    tmp_path: Path, reference: xr.Dataset
+) -> None:
+    output = tmp_path / "study"
+    process = sweep_process(output, "cluster=local", "cluster.workers=1")
+    try:
+        wait_for_chunks(process, output, 2)
+        # To the whole group, workers and all, as a terminal does.
+        os.killpg(process.pid, signal.SIGINT)
+        _, told = process.communicate(timeout=PATIENCE)
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+    assert process.returncode == 130
+    assert "Traceback" not in told
+    assert "Go on with: python -m pipeline sweep" in told
+    assert len(journal(output, "stopped")) == 1
+    done = len(finished_chunks(output))
+    assert len(journal(output, "chunk")) == done < CHUNKS
+    assert sweep(output) == 0
+    assert len(journal(output, "chunk")) == CHUNKS
+    xr.testing.assert_identical(lobes(output).drop_attrs(), reference.drop_attrs())
+
+
+def test_a_chunk_that_kills_its_worker_is_marked_and_no_other(tmp_path: Path) -> None:
+    output = tmp_path / "study"
+    assert sweep(output, "cluster=local", "cluster.workers=1", kernel="deadly") == 1
+    found = lobes(output)
+    # The whole chunk of two speeds is lost with its worker.
+    lost = (found["preload"] == BAD_PRELOAD) & (found["spindle_speed"] < BAD_SPEED + 1000.0)
+    expected = xr.where(lost, STATUS["worker_lost"], STATUS["ok"]).broadcast_like(found["status"])
+    np.testing.assert_array_equal(found["status"], expected.transpose(*found["status"].dims))
+    assert sweep(output, retry_failed=True) == 0
+    assert (lobes(output)["status"] == STATUS["ok"]).all()
+
+
+def test_a_second_run_is_refused_and_told_who_works_there(tmp_path: Path) -> None:
+    output = tmp_path / "study"
+    first = sweep_process(output, "cluster=serial")
+    wait_for_chunks(first, output, 1)
+    second = sweep_process(output, "cluster=serial")
+    _, told = second.communicate(timeout=PATIENCE)
+    assert second.returncode == 3
+    assert f"in use by process {first.pid} on " in told
+    assert " since 2" in told
+    assert "Traceback" not in told
+    _, rest = first.communicate(timeout=PATIENCE)
+    assert first.returncode == 0, rest
+    assert len(journal(output, "chunk")) == CHUNKS
+
+
+def test_a_cluster_without_workers_is_not_waited_for_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    running, client = Mock(), Mock()
+    running.has_ready.return_value = False
+    client.nthreads.return_value = {}
+    monkeypatch.setattr(sweep_module, "WORKER_PATIENCE", 0)
+    with pytest.raises(WorkersLost, match="no worker for 0 s; nothing is lost, the same command goes on"):
+        sweep_module._wait_for_one(running, client)
+
+
+@pytest.mark.parametrize("kind", ["local", "threads"])
+def test_no_port_is_open_beyond_this_machine(kind: str) -> None:
+    before = listening()
+    with open_client(Cluster(kind=kind, workers=1)):
+        opened = listening() - before
+    assert {address for address, _ in opened} == {"127.0.0.1"}
+
+
+def listening() -> set[tuple[str, int]]:
+    me = psutil.Process()
+    family = [me, *me.children(recursive=True)]
+    return {c.laddr for p in family for c in p.net_connections() if c.status == psutil.CONN_LISTEN}
