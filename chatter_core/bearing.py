@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_core import hertz
-from chatter_core.errors import NoEquilibrium
+from chatter_core.errors import InvalidInput, NoEquilibrium
 from chatter_core.machine import Bearing
 
 Array = NDArray[np.float64]
@@ -251,8 +251,11 @@ def axisymmetric_state(
     continued from standstill along one fixed path of speeds, so that it does not depend on which
     other speeds are asked for. ``solved`` is False from the speed on where the path ends.
 
-    Valid while every ball touches both races, for preloads from 0.1 N. Source: Jones (1960).
+    Valid while every ball touches both races, for preloads from 0.1 N. Raises InvalidInput for a speed that is
+    negative or not finite. Source: Jones (1960).
     """
+    if not np.all(np.isfinite(spindle_speed) & (spindle_speed >= 0.0)):
+        raise InvalidInput(["spindle_speed: every speed of the bearing must be a finite number, at least 0"])
     ball, unloaded = ball_of(bearing), unloaded_groove_distance(bearing)
     path = _Path(ball=ball, unloaded=unloaded, axial_force=preload / bearing.ball_count)
     rows = {}
@@ -267,8 +270,8 @@ def axisymmetric_state(
                 anchor, unknowns = anchor + 1, following
         reached = path.advance(unknowns, anchor * PATH_STEP, float(speed), held) if alive else None
         rows[float(speed)] = _row(path, reached, float(speed), bearing.ball_count)
-    table = np.array([rows[float(speed)] for speed in spindle_speed]).reshape(len(spindle_speed), -1)
     names = [field.name for field in fields(BearingState) if field.name not in ("preload", "spindle_speed", "solved")]
+    table = np.array([rows[float(speed)] for speed in spindle_speed]).reshape(len(spindle_speed), len(names))
     columns = dict(zip(names, table.T, strict=True))
     return BearingState(
         preload=preload,

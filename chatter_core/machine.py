@@ -78,10 +78,10 @@ class Bearing(Description):
     ball_count: int = Field(ge=3, le=500, description="number of balls N")
     contact_angle: float = Field(alias="contact_angle_deg", gt=0, lt=80, description="unloaded contact angle")
     inner_groove_conformity: float = Field(
-        gt=0.5, le=1, description="inner groove radius over ball diameter, f_i (0.5: the groove would fit tightly)"
+        ge=0.501, le=1, description="inner groove radius over ball diameter, f_i (0.5: the groove would fit tightly)"
     )
     outer_groove_conformity: float = Field(
-        gt=0.5, le=1, description="outer groove radius over ball diameter, f_o (0.5: the groove would fit tightly)"
+        ge=0.501, le=1, description="outer groove radius over ball diameter, f_o (0.5: the groove would fit tightly)"
     )
     ball: Material = Field(description="material of the balls")
     ring: Material = Field(description="material of both rings")

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable
 from importlib import import_module
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 
 from chatter_core.errors import ChatterError, InvalidInput
 from chatter_core.reading import nearest
@@ -52,7 +52,7 @@ def main(words: list[str] | None = None) -> int:
         print(_help())
         return 0 if words else 2
     if words[0] == "--version":
-        print(version("milling-chatter"))
+        print(_version())
         return 0
     try:
         return _verb(words[0])(words[1:])
@@ -83,6 +83,13 @@ def _verb(name: str) -> Callable[[list[str]], int]:
         raise InvalidInput([f"{name}: unknown verb; {nearest(name, list(VERBS))}"])
     run: Callable[[list[str]], int] = import_module(f"pipeline.{name}").run
     return run
+
+
+def _version() -> str:
+    try:
+        return version("milling-chatter")
+    except PackageNotFoundError:
+        return "not installed, run from its source folder"
 
 
 def _help() -> str:

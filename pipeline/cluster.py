@@ -51,6 +51,9 @@ def open_client(cluster: Cluster) -> Iterator[Client | None]:
         "distributed.admin.low-level-log-length": 0,
         # The sweep itself tries again, one chunk at a time, what was on a worker that died.
         "distributed.scheduler.allowed-failures": 1,
+        # A worker that dies is started again by its nanny, however often; by default the cluster gives a
+        # name up that is missing at a look 15 s after a death, and is then one worker short for good.
+        "distributed.deploy.lost-worker-timeout": "365 days",
     }
     with TemporaryDirectory(prefix="chatter-") as scratch, dask.config.set({**options, "temporary-directory": scratch}):
         if cluster.kind == "address":

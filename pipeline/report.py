@@ -54,8 +54,13 @@ def run(words: list[str]) -> int:
 
 def write(output: Path) -> list[Path]:
     """Write tables, figures and report.html of the store in a folder; return the paths."""
-    with store.open_lobes(output / "lobes.zarr") as opened:
-        lobes = opened.load()
+    path = output / "lobes.zarr"
+    try:
+        with store.open_lobes(path) as opened:
+            lobes = opened.load()
+    except (ValueError, RuntimeError, KeyError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InvalidInput([f"{path}: cannot be read, a part is missing or damaged: {reason}"]) from None
     preload = _shown_preload(lobes)
     written = [*tables.write(lobes, output / "tables"), *figures.write(lobes, output / "figures", preload)]
     pictures = [path for path in written if path.suffix == ".png"]

@@ -36,6 +36,9 @@ class Axis(Part):
     @model_validator(mode="before")
     @classmethod
     def _list_or_number(cls, given: Any) -> Any:
+        numbers = given if isinstance(given, list | tuple) else [given]
+        if any(isinstance(number, bool) for number in numbers):
+            raise ValueError("found a truth value, a number is needed")
         if isinstance(given, list | tuple):
             return {"values": given}
         return {"values": [given]} if isinstance(given, int | float | str) else given

@@ -36,6 +36,8 @@ OPTIONS = ("output", "retry_failed")
 WINDOW = 3
 #: Attempts at a chunk whose worker died.
 RETRIES = 2
+#: Seconds to wait for the record of a task that has ended; it is lost when its worker died since.
+RESULT_PATIENCE = 10.0
 #: Seconds between two looks for tasks that have ended; a task takes about a second.
 POLL = 0.01
 
@@ -276,11 +278,11 @@ def _wait_for_one(running: as_completed, client: Client) -> None:
 
 
 def _record_of(future: Any) -> Record | None:
-    """Return the record of a task that has ended, None where its workers died."""
+    """Return the record of a task that has ended, None where its workers died or took it with them."""
     try:
-        record: Record = future.result()
+        record: Record = future.result(timeout=RESULT_PATIENCE)
         return record
-    except KilledWorker:
+    except (KilledWorker, TimeoutError):
         return None
 
 

@@ -2,9 +2,6 @@
 
 - Hertz: T. A. Harris, M. N. Kotzalas, Rolling Bearing Analysis, 5th ed., table 6.1 region; values to
   five digits from exact elliptic integrals.
-- 218 angular contact bearing (ibid.; 22.225 mm, 16 balls, 125.26 mm, 40 degrees, f = 0.5232):
-  statically 41.6 degrees and 0.0386 mm under 17 800 N from charts, good to 0.15 degrees and 8 %; at
-  10 000 rpm an independent solve with outer raceway control, balls of 7800 kg/m3, to the digits given.
 - B7009C (data sheet as in the reference config): radial stiffness over speed and preload by an
   independent solve of the same equations, to the digit given.
 - FAG catalogue 2006, B7009C 15 degrees: lift-off force of a back-to-back pair and its axial rigidity
@@ -47,36 +44,6 @@ def test_hertz_contact(difference, major, minor, approach):
     found = elliptic_contact(difference)
     # Four decimals are given.
     assert (found.major, found.minor, found.approach) == pytest.approx((major, minor, approach), abs=5.1e-5)
-
-
-def test_harris_218_at_rest():
-    state = axisymmetric_state(steel_bearing(125.26, 22.225, 16, 40.0, 0.5232), 17800.0, np.zeros(1), "constant")
-    assert math.degrees(state.inner_contact_angle[0]) == pytest.approx(41.6, abs=0.15)
-    assert state.axial_displacement[0] * 1e3 == pytest.approx(0.0386, rel=0.08)
-    # Exact Hertz gives 41.50 degrees and 0.0360 mm, to these digits.
-    assert math.degrees(state.inner_contact_angle[0]) == pytest.approx(41.50, abs=0.0051)
-    assert state.axial_displacement[0] * 1e3 == pytest.approx(0.0360, abs=0.000101)
-
-
-@pytest.mark.parametrize(
-    ("thrust", "outer", "inner", "outer_force", "inner_force", "centrifugal", "gyroscopic"),
-    [
-        (8900.0, 32.63, 48.28, 1241.1, 745.2, 621.6, 1.490),
-        (22250.0, 38.46, 44.90, 2421.5, 1970.1, 592.2, 1.637),
-    ],
-)
-def test_harris_218_at_10000_rpm(thrust, outer, inner, outer_force, inner_force, centrifugal, gyroscopic):
-    bearing = steel_bearing(125.26, 22.225, 16, 40.0, 0.5232)
-    state = axisymmetric_state(bearing, thrust, np.array([10000.0 * RPM]), "constant")
-    assert math.degrees(state.outer_contact_angle[0]) == pytest.approx(outer, abs=0.0051)
-    # 48.286 is given as 48.28.
-    assert math.degrees(state.inner_contact_angle[0]) == pytest.approx(inner, abs=0.0061)
-    # Forces are given to 0.1 N; the second case differs from ours by 0.3 N in 2421, where 0.01 degrees
-    # of contact angle are worth as much.
-    assert state.outer_contact_force[0] == pytest.approx(outer_force, abs=0.4)
-    assert state.inner_contact_force[0] == pytest.approx(inner_force, abs=0.4)
-    assert state.centrifugal_force[0] == pytest.approx(centrifugal, abs=0.1)
-    assert state.gyroscopic_moment[0] == pytest.approx(gyroscopic, abs=0.001)
 
 
 SPEEDS = [0, 3000, 6000, 9000, 12000, 15000, 18000, 21000, 24000, 30000]
@@ -125,5 +92,6 @@ def test_fag_catalogue_pair(preload, lift_off, rigidity):
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if displacement(middle) < 2.0 * preloaded else (low, middle)
+    # The catalogue's own rounding and its unknown grooves leave 2 %.
     assert low == pytest.approx(lift_off, rel=0.02)
     assert low / preloaded * 1e-6 == pytest.approx(rigidity, rel=0.02)

@@ -63,7 +63,7 @@ def changed(machine, **parts):
         ("spindle", {"damping": {"kind": "modal", "mass_coefficient_1_s": 1.0}}, "missing: ratio; not allowed: mass"),
         ("spindle", {"damping": {"kind": "modal", "ratio": 1.2}}, "less than 1"),
         ("tool", {"helix_angle_deg": 90.0}, "less than 80"),
-        ("bearing", {"inner_groove_conformity": 0.5}, "greater than 0.5"),
+        ("bearing", {"inner_groove_conformity": 0.5}, "greater than or equal to 0.501"),
     ],
 )
 def test_what_cannot_exist_is_refused(part, change, message, reference_machine):
