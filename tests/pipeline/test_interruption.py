@@ -52,6 +52,21 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     return lobes(output)
 
 
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGKILL, -9), (signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_an_interrupted_run_goes_on_to_the_same_store(
+    tmp_path: Path, reference: xr.Dataset, number: int, code: int
+) -> None:
+    output = tmp_path / "study"
+    process = sweep_process(output, "cluster=serial")
+    wait_for_chunks(process, output, 2)
+    process.send_signal(number)
+    process.communicate(timeout=PATIENCE)
+    assert process.returncode == code
+    assert 0 < len(finished_chunks(output)) < CHUNKS
+    assert sweep(output) == 0
+    xr.testing.assert_identical(lobes(output).drop_attrs(), reference.drop_attrs())
+
+
 def test_ctrl_c_in_a_terminal_ends_a_run_with_worker_processes_in_good_order(
     tmp_path: Path, reference: xr.Dataset
 ) -> None:
