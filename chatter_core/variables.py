@@ -58,7 +58,7 @@ SWEEP: dict[str, Variable] = {
     "dominant_mode_share": Variable(dims=_CELL, dtype="f4", doc="its share of the critical motion's energy"),
     "error_estimate": Variable(dims=_LINE, dtype="f8", doc="estimated error of the spectral radius near the boundary"),
     "limit_depth": Variable(
-        dims=_LIMIT, dtype="f8", suffix="mm", doc="depth at which the spectral radius is one, all crossings upwards"
+        dims=_LIMIT, dtype="f8", suffix="mm", doc="depth at which the spectral radius is one, from the shallowest on"
     ),
     "limit_chatter_frequency": Variable(dims=_LIMIT, dtype="f8", suffix="hz", doc="chatter frequency at the crossing"),
     "limit_dominant_mode": Variable(dims=_LIMIT, dtype="i1", doc="dominant mode at the crossing"),

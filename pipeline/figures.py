@@ -1,6 +1,7 @@
 """Figures of a sweep, each a function of the opened store."""
 
 from collections.abc import Callable
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -72,7 +73,7 @@ def lobes_by_preload(lobes: xr.Dataset, preload: float) -> Figure:
     figure, axes = _panel("Stability lobes by preload")
     modes = int(lobes["mode_count"].max())
     limit = stability_limit(lobes).isel(modal_parameters=0).sel(mode_count=modes)
-    for colour, value in zip(COLOURS, limit["preload"].values, strict=False):
+    for colour, value in zip(cycle(COLOURS), limit["preload"].values, strict=False):
         _boundary(axes, limit.sel(preload=value), color=colour, label=f"{value:g} N")
     _finish(axes, lobes, f"{_parameters(lobes)} parameters, {modes} modes an axis")
     return figure
@@ -82,7 +83,7 @@ def lobes_by_mode_count(lobes: xr.Dataset, preload: float) -> Figure:
     """Draw the boundary at one preload for each number of modes."""
     figure, axes = _panel("Stability lobes by number of modes")
     limit = stability_limit(lobes).isel(modal_parameters=0).sel(preload=preload)
-    for colour, value in zip(COLOURS, limit["mode_count"].values, strict=False):
+    for colour, value in zip(cycle(COLOURS), limit["mode_count"].values, strict=False):
         label = "mode 1 alone" if value == 1 else f"modes 1 to {value}"
         _boundary(axes, limit.sel(mode_count=value), color=colour, label=label)
     _finish(axes, lobes, f"{_preload_label(lobes, preload)}{_parameters(lobes)} parameters")
@@ -143,7 +144,7 @@ def bearing_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
         ("gyroscopic moment on a ball [N m]", ("gyroscopic_moment",)),
     )
     for axes, (label, names) in zip(grid.flat, panels, strict=True):
-        for colour, value in zip(COLOURS, bearing["preload"].values, strict=False):
+        for colour, value in zip(cycle(COLOURS), bearing["preload"].values, strict=False):
             for name, line in zip(names, ("-", "--"), strict=False):
                 values = bearing[name].sel(preload=value)
                 axes.plot(
@@ -174,7 +175,7 @@ def modes_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
     for axes, (label, name, scale) in zip(grid.flat, panels, strict=True):
         values = modes[name]
         axis = "x" if bool(values.sel(axis="x").notnull().any()) else "y"
-        for colour, number in zip(COLOURS, modes["mode"].values, strict=False):
+        for colour, number in zip(cycle(COLOURS), modes["mode"].values, strict=False):
             axes.plot(modes["spindle_speed"], values.sel(axis=axis, mode=number), color=colour, label=f"mode {number}")
         axes.set_yscale(scale)
         axes.set_ylabel(label)
@@ -221,9 +222,9 @@ def _panels(title: str, rows: int, columns: int) -> tuple[Figure, np.ndarray]:
 
 
 def _shared_legend(figure: Figure, axes: Axes) -> None:
-    """Place one legend for all panels above them, where it hides no line."""
+    """Place one legend for all panels below them, where it hides no line."""
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper right", ncols=len(labels), frameon=False)
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
 
 
 def _over_speed(axes: Axes, lobes: xr.Dataset) -> None:

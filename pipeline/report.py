@@ -15,13 +15,15 @@ from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS
 from pipeline import figures, store, tables
 from pipeline.configuration import sort_words
-from pipeline.lobes import crossover_speeds, most_misjudged, stability_limit
+from pipeline.lobes import crossover_speeds, dominance, most_misjudged, stability_limit
 
 #: Rows of a table on the page; the CSV files hold all.
 PAGE_ROWS = 24
+#: Ranges of one dominant mode that a sentence holds; the CSV file holds all.
+SENTENCE_RANGES = 6
 CAPTIONS = {
     "lobes": "The boundary with all modes: bearings at the spindle's speed, and frozen at standstill.",
-    "lobes_by_preload": "The boundary for each preload, bearings at the spindle's speed.",
+    "lobes_by_preload": "The boundary for each preload.",
     "lobes_by_mode_count": "The boundary for each number of modes kept.",
     "spectral_radius": "Spectral radius over speed and depth; the black line is the boundary.",
     "dominant_mode": "The mode that holds the largest share of the critical motion's energy.",
@@ -114,18 +116,14 @@ def _findings(lobes: xr.Dataset, preload: float) -> list[str]:
             f"depth times speed is largest at {float(limit['spindle_speed'][best]):.0f} rpm "
             f"with {float(limit[best]):.3g} mm."
         )
-    handed = crossover_speeds(lobes)
-    first = handed[
-        (handed["modal_parameters"] == limit["modal_parameters"].item())
-        & (handed["preload"] == preload)
-        & (handed["mode_count"] == modes)
+    ranges = dominance(lobes)
+    shown = ranges[
+        (ranges["modal_parameters"] == limit["modal_parameters"].item())
+        & (ranges["preload"] == preload)
+        & (ranges["mode_count"] == modes)
     ]
-    if len(first):
-        row = first.iloc[0]
-        found.append(
-            f"Crossover: up to {row['crossover_rpm']:.0f} rpm mode {row['from_mode']} sets the boundary, "
-            f"then mode {row['to_mode']}."
-        )
+    if len(shown) > 1:
+        found.append(_who_sets_the_boundary(shown))
     misjudged = most_misjudged(lobes, preload, modes)
     if misjudged:
         found.append(
@@ -135,6 +133,12 @@ def _findings(lobes: xr.Dataset, preload: float) -> list[str]:
     error = float(np.nanmax(lobes["error_estimate"].values)) if lobes["error_estimate"].notnull().any() else np.nan
     found.append(f"Estimated error of the spectral radius near the boundary: at most {error:.1e}.")
     return found
+
+
+def _who_sets_the_boundary(ranges: pd.DataFrame) -> str:
+    told = [f"mode {row.dominant_mode} ({row.from_rpm:.0f} to {row.to_rpm:.0f} rpm)" for row in ranges.itertuples()]
+    more = f", and {len(told) - SENTENCE_RANGES} more" if len(told) > SENTENCE_RANGES else ""
+    return f"Crossover: the boundary is set by {', '.join(told[:SENTENCE_RANGES])}{more}."
 
 
 def _limits_table(lobes: xr.Dataset, preload: float) -> PageTable:
