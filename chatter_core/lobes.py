@@ -290,7 +290,7 @@ def _error_near_boundary(
     """Estimate the relative error of the spectral radius nearest to one at some speeds.
 
     Collocation is compared with itself on a finer mesh, semi-discretization with twice the
-    intervals; its error falls linearly, so the whole error is twice the difference.
+    intervals: an error that falls linearly is twice the difference, a quadratic one 4/3 of it.
     """
     shape = (len(built.spindle_speed), len(axial_depth))
     radius = grid.spectral_radius.reshape(shape)[speeds]
@@ -300,7 +300,8 @@ def _error_near_boundary(
         finer, factor, share = method, REFINEMENT_STEP, 1.0
     else:
         assert method.intervals is not None
-        finer, factor, share = method.model_copy(update={"intervals": 2 * method.intervals}), 1.0, 2.0
+        finer, factor = method.model_copy(update={"intervals": 2 * method.intervals}), 1.0
+        share = 2.0 if method.order == 0 else 4.0 / 3.0
     fine = evaluate(machine, built, speeds, axial_depth[nearest], finer, factor * refinement[speeds])
     return np.asarray(share * np.abs(coarse / fine.spectral_radius - 1.0))
 

@@ -66,3 +66,20 @@ def milling_benchmark(
         period=gain.tooth_period,
         breakpoints=gain.breakpoints(),
     )
+
+
+def oscillator(*, frequency: float, damping: float, mass: float, gain: float, period: float) -> DelayEquation:
+    """Turning: m x'' + c x' + k x = -gain (x(t) - x(t - period)), constant in time."""
+    system = LinearSystem(
+        state_matrix=np.array([[[0.0, 1.0], [-(frequency**2), -2.0 * damping * frequency]]]),
+        input_matrix=np.array([[[0.0], [1.0 / mass]]]),
+        output_matrix=np.array([[[1.0, 0.0]]]),
+    )
+    feedback = DelayedFeedback(gain=lambda time: np.full((*time.shape, 1, 1), -gain), delay=np.array([period]))
+    return DelayEquation(
+        system=system,
+        system_index=np.zeros(1, dtype=int),
+        feedback=(feedback,),
+        period=np.array([period]),
+        breakpoints=np.zeros((1, 1)),
+    )

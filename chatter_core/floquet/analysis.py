@@ -43,7 +43,8 @@ def analyse(equation: DelayEquation, method: MethodSettings, refinement: Array |
         monodromy = collocation.build(equation, refinement)
     else:
         assert method.intervals is not None
-        monodromy = semi_discretization.build(equation, method.intervals)
+        assert method.order is not None
+        monodromy = semi_discretization.build(equation, method.intervals, method.order)
     critical = critical_multiplier(monodromy)
     exponent = _exponents(equation, critical.value)
     time, weight, force = monodromy.force(critical.vector)

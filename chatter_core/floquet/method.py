@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 
 class MethodSettings(BaseModel):
-    """Method and accuracy: a tolerance for collocation, a number of intervals for semi-discretization."""
+    """Method and accuracy: a tolerance for collocation, intervals and order for semi-discretization."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -15,10 +15,12 @@ class MethodSettings(BaseModel):
         default=None, ge=1e-9, le=1e-1, description="allowed relative error of the spectral radius near the boundary"
     )
     intervals: int | None = Field(default=None, ge=2, le=4000, description="intervals a period")
+    order: Literal[0, 1, 2] | None = Field(default=None, description="order of the delayed output's polynomial")
 
     @model_validator(mode="after")
     def _accuracy_belongs_to_method(self) -> "MethodSettings":
-        wanted, foreign = ("tolerance", "intervals") if self.name == "collocation" else ("intervals", "tolerance")
-        if getattr(self, wanted) is None or getattr(self, foreign) is not None:
-            raise ValueError(f"method '{self.name}' takes {wanted} and not {foreign}")
+        tolerance, fixed = {"tolerance": self.tolerance}, {"intervals": self.intervals, "order": self.order}
+        wanted, foreign = (tolerance, fixed) if self.name == "collocation" else (fixed, tolerance)
+        if None in wanted.values() or set(foreign.values()) != {None}:
+            raise ValueError(f"method '{self.name}' takes {' and '.join(wanted)}, and not {' or '.join(foreign)}")
         return self

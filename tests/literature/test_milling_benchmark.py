@@ -29,11 +29,13 @@ def test_spectral_radius_of_half_immersion_far_above_the_boundary():
     assert np.abs(analyse(equation, COLLOCATION, 2.0).multiplier[0]) == pytest.approx(7.18876, abs=5e-6)
 
 
-@pytest.mark.parametrize(("intervals", "radius", "accuracy"), [(40, 6.41, 5e-3), (640, 7.15, 5e-3)])
-def test_semi_discretization_has_the_known_error_of_order_zero(intervals, radius, accuracy):
-    # The textbook method is right only if it is wrong by as much as others found: three digits.
+@pytest.mark.parametrize(
+    ("order", "intervals", "radius", "accuracy"), [(0, 40, 6.41, 5e-3), (0, 640, 7.15, 5e-3), (1, 40, 7.0786, 1e-4)]
+)
+def test_semi_discretization_has_its_known_error(order, intervals, radius, accuracy):
+    # The textbook method is right only if it is wrong by as much as others found, to their digits.
     equation = milling_benchmark(direction="down", immersion=0.5, rpm=[5000.0], depth_mm=[2.0], axes=(0, 1))
-    method = MethodSettings(name="semi_discretization", intervals=intervals)
+    method = MethodSettings(name="semi_discretization", intervals=intervals, order=order)
     assert np.abs(analyse(equation, method).multiplier[0]) == pytest.approx(radius, abs=accuracy)
 
 
