@@ -63,7 +63,8 @@ def structure(
 def _spindle_modes(described: Spindle, path: Array, states: BearingState, mode_count: int) -> tip.TipModes:
     """Return the spindle's modes on both axes along a path of speeds, each followed from standstill."""
     rotor = spindle.reduce_rotor(spindle.assemble(described))
-    available = len(rotor.tip)
+    # As many shapes of the reduction as there are seats carry the rest of the rotor and are no modes.
+    available = len(rotor.tip) - len(rotor.seat)
     if mode_count > available:
         raise InvalidInput([f"mode_count: found {mode_count}, allowed at most {available} for this spindle model"])
     counts = np.array([seat.count for seat in described.bearings])

@@ -34,6 +34,10 @@ DEPTH_TOLERANCE = 1e-7
 SHALLOWEST = 1e-3
 #: A finer look multiplies the resolution by this.
 REFINEMENT_STEP = 1.5
+#: Cells of a speed, those nearest to the boundary, of which the error is estimated.
+ERROR_CELLS = 2
+#: What semi-discretization is compared with.
+ERROR_REFERENCE = MethodSettings(name="collocation", tolerance=1e-4)
 #: Looks finer than the first before a point counts as not converged.
 REFINEMENTS = 8
 #: A multiplier counts as real when its imaginary part is below this share of its modulus.
@@ -260,7 +264,9 @@ def _resolved_grid(
     pending = np.flatnonzero(built.solved)
     for _ in range(REFINEMENTS):
         error[pending] = _error_near_boundary(machine, built, axial_depth, grid, method, refinement, pending)
-        pending = pending[~(error[pending] <= (method.tolerance or np.inf))]
+        if method.tolerance is None:  # nothing to choose
+            break
+        pending = pending[~(error[pending] <= method.tolerance)]
         if not len(pending):
             break
         refinement[pending] *= REFINEMENT_STEP
@@ -289,21 +295,19 @@ def _error_near_boundary(
 ) -> Array:
     """Estimate the relative error of the spectral radius nearest to one at some speeds.
 
-    Collocation is compared with itself on a finer mesh, semi-discretization with twice the
-    intervals: an error that falls linearly is twice the difference, a quadratic one 4/3 of it.
+    It is the larger of those of the two cells nearest to one. Collocation is compared with itself on
+    a finer mesh; semi-discretization with collocation, because with its own doubled intervals it can
+    agree on a wrong branch.
     """
     shape = (len(built.spindle_speed), len(axial_depth))
     radius = grid.spectral_radius.reshape(shape)[speeds]
-    nearest = np.argmin(np.nan_to_num(np.abs(np.log(radius)), nan=np.inf), axis=1)
-    coarse = radius[np.arange(len(speeds)), nearest]
-    if method.name == "collocation":
-        finer, factor, share = method, REFINEMENT_STEP, 1.0
-    else:
-        assert method.intervals is not None
-        finer, factor = method.model_copy(update={"intervals": 2 * method.intervals}), 1.0
-        share = 2.0 if method.order == 0 else 4.0 / 3.0
-    fine = evaluate(machine, built, speeds, axial_depth[nearest], finer, factor * refinement[speeds])
-    return np.asarray(share * np.abs(coarse / fine.spectral_radius - 1.0))
+    distance = np.nan_to_num(np.abs(np.log(radius)), nan=np.inf)
+    nearest = np.argsort(distance, axis=1, kind="stable")[:, :ERROR_CELLS]
+    rows = np.repeat(speeds, nearest.shape[1])
+    finer = method if method.name == "collocation" else ERROR_REFERENCE
+    fine = evaluate(machine, built, rows, axial_depth[nearest.ravel()], finer, REFINEMENT_STEP * refinement[rows])
+    error = np.abs(np.take_along_axis(radius, nearest, axis=1) / fine.spectral_radius.reshape(nearest.shape) - 1.0)
+    return np.asarray(error.max(axis=1))
 
 
 def _overwrite(result: Stability, points: NDArray[np.intp], new: Stability) -> None:
@@ -350,8 +354,9 @@ def _brackets(
     radius = np.concatenate([first[:, None], grid.spectral_radius.reshape(len(speeds), -1)], axis=1)
     depth = np.concatenate([shallow[:1], axial_depth])
     unstable = radius > 1.0
-    known = np.isfinite(radius)
-    speed, step = np.nonzero((unstable[:, 1:] != unstable[:, :-1]) & known[:, 1:] & known[:, :-1])
+    # Beyond a cell without a result nobody knows whether stability is lost or regained.
+    known = np.logical_and.accumulate(np.isfinite(radius), axis=1)
+    speed, step = np.nonzero((unstable[:, 1:] != unstable[:, :-1]) & known[:, 1:])
     slot = np.arange(len(speed)) - np.searchsorted(speed, speed)
     kept = slot < CROSSINGS
     return speed[kept], slot[kept], depth[step[kept]], depth[step[kept] + 1]

@@ -50,7 +50,10 @@ class TipModes:
 
 @dataclass(frozen=True, kw_only=True)
 class StateSpace:
-    """x' = A x + B F, w = C x of the tip over speed; the states are every q, then every q'.
+    """x' = A x + B F, w = C x of the tip over speed; the states are every q, then every q'/w_n.
+
+    Velocities are divided by the mode's natural frequency, so that all states are lengths of like
+    size and their norm is the energy's: eigenvalue solvers lose digits otherwise.
 
     state_matrix: (speed, state, state); input_matrix: (speed, state, 2); output_matrix:
     (speed, 2, state).
@@ -66,11 +69,11 @@ def state_space(modes: TipModes) -> StateSpace:
     speeds, count = modes.natural_frequency.shape
     position, velocity = np.arange(count), np.arange(count, 2 * count)
     state_matrix = np.zeros((speeds, 2 * count, 2 * count))
-    state_matrix[:, position, velocity] = 1.0
-    state_matrix[:, velocity, position] = -(modes.natural_frequency**2)
+    state_matrix[:, position, velocity] = modes.natural_frequency
+    state_matrix[:, velocity, position] = -modes.natural_frequency
     state_matrix[:, velocity, velocity] = -2.0 * modes.damping_ratio * modes.natural_frequency
     input_matrix = np.zeros((speeds, 2 * count, 2))
-    input_matrix[:, velocity, modes.axis] = 1.0 / modes.modal_mass
+    input_matrix[:, velocity, modes.axis] = 1.0 / (modes.modal_mass * modes.natural_frequency)
     output_matrix = np.zeros((speeds, 2, 2 * count))
     output_matrix[:, modes.axis, position] = 1.0
     return StateSpace(state_matrix=state_matrix, input_matrix=input_matrix, output_matrix=output_matrix)
@@ -94,16 +97,25 @@ def receptance(modes: TipModes, frequency: Array) -> NDArray[np.complex128]:
     return result
 
 
+def most_modes(tip: Tip) -> int:
+    """Return how many measured modes the axis has that has most."""
+    speed = tip.modes[0].spindle_speed
+    return max(sum(m.axis == axis for m in tip.modes if m.spindle_speed == speed) for axis in AXES)
+
+
 def measured_modes(tip: Tip, spindle_speed: Array, mode_count: int | None = None) -> TipModes:
     """Take the modes from measurement, interpolated linearly between the measured speeds.
 
     Below the lowest and above the highest measured speed the nearest values are kept. Modes of
     an axis are numbered by frequency at each measured speed. ``mode_count`` keeps the lowest of
-    each axis.
+    each axis; an axis that has fewer keeps all of its own.
 
-    Raises InvalidInput when an axis that has modes has fewer than ``mode_count``.
+    Raises InvalidInput when no axis has ``mode_count`` modes.
     """
     speeds = sorted({mode.spindle_speed or 0.0 for mode in tip.modes})
+    most = most_modes(tip)
+    if mode_count is not None and mode_count > most:
+        raise InvalidInput([f"mode_count: found {mode_count}, but tip.modes lists at most {most} modes of an axis"])
     tables = []
     for axis, name in enumerate(AXES):
         at_speed = [
@@ -113,12 +125,7 @@ def measured_modes(tip: Tip, spindle_speed: Array, mode_count: int | None = None
             )
             for speed in speeds
         ]
-        available = len(at_speed[0])
-        if mode_count is not None and 0 < available < mode_count:
-            raise InvalidInput(
-                [f"mode_count: found {mode_count}, but tip.modes lists {available} modes of axis {name}"]
-            )
-        for number in range(min(available, mode_count or available)):
+        for number in range(len(at_speed[0]))[:mode_count]:
             rows = [(m[number].natural_frequency, m[number].damping_ratio, m[number].stiffness) for m in at_speed]
             columns = [np.interp(spindle_speed, speeds, column) for column in zip(*rows, strict=True)]
             tables.append((axis, number + 1, *columns))

@@ -6,6 +6,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from chatter_core.variables import STATUS
+
 #: Outer dimensions of a sweep: one line of lobes for each combination.
 OUTER = ("modal_parameters", "preload", "mode_count")
 
@@ -36,7 +38,9 @@ def dominance(lobes: xr.Dataset) -> pd.DataFrame:
         known = np.flatnonzero(line > 0)
         if not len(known):
             continue
-        starts = np.flatnonzero(np.diff(line[known], prepend=0))
+        # A range ends where the mode changes, and where the boundary leaves the grid.
+        begins = (np.diff(line[known], prepend=0) != 0) | (np.diff(known, prepend=-2) > 1)
+        starts = np.flatnonzero(begins)
         ends = [*(starts[1:] - 1), len(known) - 1]
         for first, last in zip(starts, ends, strict=True):
             rows.append(
@@ -53,11 +57,15 @@ def dominance(lobes: xr.Dataset) -> pd.DataFrame:
 def crossover_speeds(lobes: xr.Dataset) -> pd.DataFrame:
     """Return every speed at which one mode hands the boundary over to another, a row each.
 
-    The crossover speed is the middle between the last speed of the one and the first of the other.
+    The crossover speed is the middle between the last speed of the one and the first of the other,
+    which are neighbours: where the boundary leaves the grid between two modes, none hands over.
     """
     rows = []
+    place = {speed: index for index, speed in enumerate(lobes["spindle_speed"].values)}
     for labels, ranges in dominance(lobes).groupby(list(OUTER), sort=False):
         for before, after in zip(ranges.iloc[:-1].itertuples(), ranges.iloc[1:].itertuples(), strict=True):
+            if place[after.from_rpm] - place[before.to_rpm] > 1:
+                continue
             rows.append(
                 {
                     **dict(zip(OUTER, labels, strict=True)),
@@ -72,14 +80,17 @@ def crossover_speeds(lobes: xr.Dataset) -> pd.DataFrame:
 def most_misjudged(lobes: xr.Dataset, preload: float, mode_count: int) -> Misjudged | None:
     """Return the speed at which static lobes allow most beyond the dynamic ones, None without both.
 
-    Where the static boundary lies above the grid it counts as the grid's last depth.
+    Where the static boundary lies above the grid it counts as the grid's last depth. Speeds of which
+    some cell has no result do not count.
     """
     if not {"static", "dynamic"} <= set(lobes["modal_parameters"].values):
         return None
-    limit = stability_limit(lobes).sel(preload=preload, mode_count=mode_count)
+    line = lobes.sel(preload=preload, mode_count=mode_count)
+    complete = (line["status"] == STATUS["ok"]).all(["axial_depth", "modal_parameters"])
+    limit = stability_limit(line)
     deepest = float(lobes["axial_depth"].max())
     static, dynamic = limit.sel(modal_parameters="static").fillna(deepest), limit.sel(modal_parameters="dynamic")
-    ratio = (static / dynamic).values
+    ratio = (static / dynamic).where(complete).values
     if np.isnan(ratio).all():
         return None
     worst = int(np.nanargmax(ratio))

@@ -15,7 +15,7 @@ from chatter_core.floquet import MethodSettings
 from chatter_core.lobes import evaluate_to_tolerance, lobe_block
 from chatter_core.machine import LEAST_PRELOAD, MOST_PRELOAD, Machine
 from chatter_core.reading import sentences
-from chatter_core.tip import AXES
+from chatter_core.tip import AXES, most_modes
 from chatter_core.units import si_factor
 from chatter_core.variables import BIFURCATION, MODAL_PARAMETERS, STATUS
 from pipeline.configuration import compose_settings, sort_words
@@ -74,7 +74,7 @@ def answer_point(
     """
     speed = np.array([options.spindle_speed_rpm * si_factor("spindle_speed_rpm")])
     depth = np.array([options.axial_depth_mm * si_factor("axial_depth_mm")])
-    count = options.modes or (USUAL_MODES if machine.tip is None else _fewest_modes(machine))
+    count = options.modes or (USUAL_MODES if machine.tip is None else most_modes(machine.tip))
     built = structure(machine, speed, mode_count=count, modal_parameters=options.modal_parameters)
     stability, error = evaluate_to_tolerance(machine, built, depth, method)
     block = lobe_block(
@@ -114,14 +114,6 @@ def _reason(built: Structure, status: str) -> str:
     if status == "outside_validity":
         return "the spindle is so slow that the waves of its fastest mode in a tooth period cannot be resolved"
     return "the Floquet analysis did not meet its tolerance; allow a larger method.tolerance"
-
-
-def _fewest_modes(machine: Machine) -> int:
-    """Return how many measured modes every axis that has any can give."""
-    assert machine.tip is not None
-    first = machine.tip.modes[0].spindle_speed
-    counts = [sum(m.axis == axis and m.spindle_speed == first for m in machine.tip.modes) for axis in AXES]
-    return min(count for count in counts if count)
 
 
 def _bearings(machine: Machine, built: Structure) -> list[dict[str, float | None]]:

@@ -12,6 +12,8 @@ from chatter_core.floquet.multipliers import critical_multiplier
 
 #: Harmonics are kept up to this multiple of the fastest pole.
 HARMONIC_RANGE = 1.5
+#: The range is doubled, so often at most, while the strongest line lies beyond this share of it.
+EDGE, WIDENINGS = 0.75, 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,22 +48,46 @@ def analyse(equation: DelayEquation, method: MethodSettings, refinement: Array |
         assert method.order is not None
         monodromy = semi_discretization.build(equation, method.intervals, method.order)
     critical = critical_multiplier(monodromy)
-    exponent = _exponents(equation, critical.value)
-    time, weight, force = monodromy.force(critical.vector)
-    phase = weight[:, None, :] * np.exp(-exponent[:, :, None] * time[:, None, :])
-    harmonics = (phase @ force) / equation.period[:, None, None]
-    state = _respond(equation, exponent, harmonics)
-    output = state @ equation.system.output_matrix[equation.system_index].swapaxes(1, 2)
+    # What did not converge gets a harmless value here and is marked in the answer.
+    multiplier = np.where(critical.converged, critical.value, 1.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        force = monodromy.force(critical.vector)
+        exponent, state, output = _motion(equation, multiplier, force)
+    converged = critical.converged & np.isfinite(output).all(axis=(1, 2))
     return FloquetSolution(
-        multiplier=critical.value, converged=critical.converged, exponent=exponent, state=state, output=output
+        multiplier=critical.value, converged=converged, exponent=exponent, state=state, output=output
     )
 
 
-def _exponents(equation: DelayEquation, multiplier: ComplexArray) -> ComplexArray:
+def _motion(
+    equation: DelayEquation, multiplier: ComplexArray, force: tuple[Array, Array, ComplexArray]
+) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Return exponents, states and outputs of the harmonics.
+
+    Each point has its own range of harmonics, whatever batch it is in; it is widened while the
+    strongest line lies near its edge, where a strong feedback drives motion beyond the fastest pole.
+    """
     fastest = np.abs(equation.system.spectrum.poles).max(axis=1)[equation.system_index]
-    reach = int(np.ceil(HARMONIC_RANGE * (fastest * equation.period).max() / (2.0 * np.pi))) + 1
-    order = np.arange(-reach, reach + 1)
-    return np.asarray((np.log(multiplier)[:, None] + 2j * np.pi * order) / equation.period[:, None])
+    reach = np.ceil(HARMONIC_RANGE * fastest * equation.period / (2.0 * np.pi)).astype(int) + 1
+    for widening in range(WIDENINGS + 1):
+        order = np.arange(-reach.max(), reach.max() + 1)
+        exponent = (np.log(multiplier)[:, None] + 2j * np.pi * order) / equation.period[:, None]
+        state = _respond(equation, exponent, _project(equation, exponent, force))
+        state[np.abs(order) > reach[:, None]] = 0.0
+        output = state @ equation.system.output_matrix[equation.system_index].swapaxes(1, 2)
+        strongest = np.abs(order[np.linalg.norm(output, axis=-1).argmax(axis=-1)])
+        near_edge = strongest > EDGE * reach
+        if widening == WIDENINGS or not near_edge.any():
+            break
+        reach = np.where(near_edge, 2 * reach, reach)
+    return np.asarray(exponent), state, output
+
+
+def _project(equation: DelayEquation, exponent: ComplexArray, force: tuple[Array, Array, ComplexArray]) -> ComplexArray:
+    """Return the force's harmonics (point, harmonic, input)."""
+    time, weight, values = force
+    phase = weight[:, None, :] * np.exp(-exponent[:, :, None] * time[:, None, :])
+    return np.asarray((phase @ values) / equation.period[:, None, None])
 
 
 def _respond(equation: DelayEquation, exponent: ComplexArray, force: ComplexArray) -> ComplexArray:

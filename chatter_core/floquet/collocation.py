@@ -165,7 +165,9 @@ def _lay_out(equation: DelayEquation, refinement: Array) -> _Elements:
     fastest = np.abs(equation.system.spectrum.poles).max(axis=1)[equation.system_index]
     waves = length * fastest[:, None] / (2.0 * np.pi)
     share = length / equation.period[:, None]
-    wanted = np.maximum(waves / WAVES_PER_ELEMENT, share / LONGEST_ELEMENT) * refinement[:, None]
+    wanted = np.maximum(waves / WAVES_PER_ELEMENT, share / LONGEST_ELEMENT)
+    # Rounded up before the refinement too: a finer mesh has more elements in every piece.
+    wanted = np.maximum(1.0, np.ceil(wanted - 1e-9)) * refinement[:, None]
     count = np.where(cuts, np.maximum(1, np.ceil(wanted - 1e-9)), 1).astype(int)
     last = np.cumsum(count, axis=1)
     index = np.arange(last[:, -1].max())

@@ -12,7 +12,7 @@ class MethodSettings(BaseModel):
 
     name: Literal["collocation", "semi_discretization"] = Field(description="method of Floquet analysis")
     tolerance: float | None = Field(
-        default=None, ge=1e-9, le=1e-1, description="allowed relative error of the spectral radius near the boundary"
+        default=None, ge=1e-8, le=1e-1, description="allowed relative error of the spectral radius near the boundary"
     )
     intervals: int | None = Field(default=None, ge=2, le=4000, description="intervals a period")
     order: Literal[0, 1, 2] | None = Field(default=None, description="order of the delayed output's polynomial")

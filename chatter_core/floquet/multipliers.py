@@ -56,16 +56,21 @@ def critical_multiplier(monodromy: Monodromy) -> CriticalMultiplier:
     The Krylov space grows until the Ritz value of largest modulus has a small residual; a larger
     Ritz value that has not settled yet therefore never hides behind a settled smaller one.
 
-    A point for which the largest space does not suffice is marked, not hidden.
+    A point for which the largest space does not suffice, or whose motion leaves the range of floating
+    point within a period, is marked, not hidden.
     """
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _critical_multiplier(monodromy)
+
+
+def _critical_multiplier(monodromy: Monodromy) -> CriticalMultiplier:
     points, size = monodromy.shape
     value = np.zeros(points, dtype=complex)
     vector = np.zeros((points, size), dtype=complex)
     residual = np.full(points, np.inf)
     start = np.broadcast_to(np.random.default_rng(20111).standard_normal(size), (points, size)).copy()
     for _ in range(WARM_UP):
-        start = monodromy.apply(start)
-        start /= np.linalg.norm(start, axis=1, keepdims=True)
+        start = _unit(monodromy.apply(start))
     space = _Krylov.begin(monodromy, start)
     open_points = np.arange(points)
     for wanted in [min(s, size) for s in SPACE_SIZES if s < size] + [min(size, SPACE_SIZES[-1])]:
@@ -76,8 +81,28 @@ def critical_multiplier(monodromy: Monodromy) -> CriticalMultiplier:
         if not unsettled.any():
             break
         open_points, space = open_points[unsettled], space.select(np.flatnonzero(unsettled))
-    converged = residual <= RESIDUAL_TOLERANCE * np.abs(value)
+    # A value of exactly zero is what is left of vectors that overflowed.
+    converged = (residual <= RESIDUAL_TOLERANCE * np.abs(value)) & (value != 0.0) & np.isfinite(value)
     return CriticalMultiplier(value=value, vector=vector, converged=converged)
+
+
+def _finite(vectors: Array) -> Array:
+    """Return vectors with those that left the range of floating point replaced by zero."""
+    return np.where(np.isfinite(vectors).all(axis=1, keepdims=True), vectors, 0.0)
+
+
+def _norm(vectors: Array) -> Array:
+    """Return norms (point,) that overflow only where an entry does."""
+    largest = np.abs(vectors).max(axis=1)
+    scale = np.where(largest > 0.0, largest, 1.0)
+    return np.asarray(scale * np.linalg.norm(vectors / scale[:, None], axis=1))
+
+
+def _unit(vectors: Array) -> Array:
+    """Return vectors of norm one; zero and not finite ones are zero."""
+    vectors = _finite(vectors)
+    length = _norm(vectors)
+    return vectors / np.where(length > 0.0, length, 1.0)[:, None]
 
 
 @dataclass
@@ -94,7 +119,7 @@ class _Krylov:
         points, size = monodromy.shape
         longest = min(size, SPACE_SIZES[-1])
         basis = np.zeros((points, SPACE_SIZES[0] + 1, size))
-        basis[:, 0] = start / np.linalg.norm(start, axis=1, keepdims=True)
+        basis[:, 0] = _unit(start)
         return cls(monodromy, basis, np.zeros((points, longest + 1, longest)), 0)
 
     def grow(self, steps: int) -> None:
@@ -102,14 +127,14 @@ class _Krylov:
         if room > 0:
             self.basis = np.pad(self.basis, ((0, 0), (0, room), (0, 0)))
         for j in range(self.steps, steps):
-            new = self.monodromy.apply(self.basis[:, j])
-            least = EXHAUSTED * np.linalg.norm(new, axis=1)
+            new = _finite(self.monodromy.apply(self.basis[:, j]))
+            least = EXHAUSTED * _norm(new)
             known = self.basis[:, : j + 1]
             for _ in range(2):  # once is not enough where the new vector nearly lies in the space
                 overlap = (known @ new[:, :, None])[..., 0]
                 new = new - (overlap[:, None, :] @ known)[:, 0]
                 self.hessenberg[:, : j + 1, j] += overlap
-            length = np.linalg.norm(new, axis=1)
+            length = _norm(new)
             # What is left of an exhausted space is rounding. It is exact already, and a zero vector
             # adds zero multipliers and nothing else.
             exhausted = length <= least

@@ -139,7 +139,10 @@ def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path
             ["cells, allowed: at most"],
         ),
         (["sweep", "process.direction=slot"], ["process: direction 'slot' needs radial_immersion 1, found 0.4"]),
-        (["sweep", "method.intervals=40"], ["method: method 'collocation' takes tolerance and not intervals"]),
+        (
+            ["sweep", "method.intervals=40"],
+            ["method: method 'collocation' takes tolerance, and not intervals or order"],
+        ),
         (["sweep", "cluster.kind=address"], ["cluster: address: needed for kind 'address'"]),
         (["sweep", "retry_failed=perhaps"], ["retry_failed: found 'perhaps', allowed: true, false"]),
         (["sweep", "machine=nowhere/machine.yaml"], ["nowhere/machine.yaml: no such file"]),

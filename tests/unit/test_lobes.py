@@ -94,9 +94,55 @@ def test_a_crawling_spindle_is_marked_before_memory_is_taken(reference_machine):
 
 
 def test_a_tolerance_that_cannot_be_met_is_said(reference_machine):
-    block = lobes(reference_machine, [9000.0], [1.0], method=MethodSettings(name="collocation", tolerance=1e-9))
-    honest = np.all(block.status == STATUS["ok"]) == bool(block.error_estimate[0] <= 1e-9)
-    assert honest
+    unreachable = MethodSettings.model_construct(name="collocation", tolerance=1e-16, intervals=None, order=None)
+    block = lobes(reference_machine, [9000.0], [1.0], method=unreachable)
+    assert block.error_estimate[0] > 1e-16
+    assert np.all(block.status == STATUS["not_converged"])
+
+
+def test_a_motion_beyond_floating_point_is_marked_and_its_neighbours_are_not(reference_machine):
+    depths_mm = [1e-4, 1.0, 1e3, 1e4]
+    block = lobes(reference_machine, [120.0], depths_mm)
+    # |mu| grows by hundreds of decades with depth at a crawl; shallow cuts are ordinary.
+    assert list(block.status[0]) == [STATUS["ok"], STATUS["ok"], STATUS["not_converged"], STATUS["not_converged"]]
+
+
+def test_the_error_of_semi_discretization_is_told_where_it_follows_the_wrong_branch(reference_machine):
+    built = structure(reference_machine, np.array([12000.0]) * RPM, mode_count=4)
+    method = MethodSettings(name="semi_discretization", intervals=40, order=0)
+    stability, error = evaluate_to_tolerance(reference_machine, built, np.array([2.134e-3]), method)
+    exact = evaluate(reference_machine, built, np.array([0]), np.array([2.134e-3]), COLLOCATION, np.array([3.0]))
+    true = abs(stability.spectral_radius[0] / exact.spectral_radius[0] - 1.0)
+    # Doubling the intervals changes it by 1e-4 only, its error is 3e-2; known by collocation to 1e-4.
+    assert true > 0.02
+    assert error[0] == pytest.approx(true, abs=2e-4)
+
+
+def test_an_error_of_zero_is_never_claimed_on_short_cuts(reference_machine):
+    tool = reference_machine.tool.model_copy(update={"teeth": 2, "helix_angle": 0.0})
+    process = reference_machine.process.model_copy(update={"radial_immersion": 0.05})
+    machine = reference_machine.model_copy(update={"tool": tool, "process": process})
+    block = lobes(machine, [15000.0, 30000.0], [0.5, 1.0], mode_count=1)
+    assert np.all(block.error_estimate > 0.0)
+
+
+def test_shares_of_a_point_do_not_depend_on_its_batch(reference_machine):
+    built = structure(reference_machine, np.array([300.0, 30000.0]) * RPM, mode_count=4)
+    depth = np.array([1e-3, 1e-3])
+    together = evaluate(reference_machine, built, np.array([0, 1]), depth, COLLOCATION, np.ones(2))
+    alone = evaluate(reference_machine, built, np.array([1]), depth[:1], COLLOCATION, np.ones(1))
+    # The Krylov space of a batch differs in its starting vector: its residual of 1e-9 is left.
+    assert together.mode_share[1] == pytest.approx(alone.mode_share[0], rel=1e-6)
+
+
+def test_chatter_far_above_the_fastest_mode_is_found(reference_machine):
+    tool = reference_machine.tool.model_copy(update={"teeth": 10, "helix_angle": math.radians(60.0)})
+    process = reference_machine.process.model_copy(update={"radial_immersion": 1.0})
+    machine = reference_machine.model_copy(update={"tool": tool, "process": process})
+    built = structure(machine, np.array([3389.0]) * RPM, mode_count=4)
+    found = evaluate(machine, built, np.array([0]), np.array([8e-3]), COLLOCATION, np.array([3.0]))
+    # An independent first-order method says 4858.1 Hz; the fourth mode lies at 2.4 kHz.
+    assert found.chatter_frequency[0] / (2.0 * math.pi) == pytest.approx(4858.1, abs=0.5)
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])

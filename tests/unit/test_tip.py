@@ -59,7 +59,13 @@ def test_measured_modes_are_interpolated_between_speeds_and_kept_beyond():
     assert modes.modal_stiffness == pytest.approx(np.full((3, 2), 10e6), rel=1e-12)
 
 
+def test_axes_may_have_unequal_numbers_of_modes():
+    tip = Tip.model_validate({"modes": [mode("x", 500.0), mode("x", 900.0), mode("y", 700.0)]})
+    modes = measured_modes(tip, np.array([100.0]), 2)
+    assert list(zip(modes.axis, modes.label, strict=True)) == [(0, 1), (0, 2), (1, 1)]
+
+
 def test_more_modes_than_measured_are_refused():
     tip = Tip.model_validate({"modes": [mode("x", 500.0), mode("x", 900.0)]})
-    with pytest.raises(InvalidInput, match=r"mode_count: found 3, but tip\.modes lists 2 modes of axis x"):
+    with pytest.raises(InvalidInput, match=r"mode_count: found 3, but tip\.modes lists at most 2 modes of an axis"):
         measured_modes(tip, np.array([100.0]), 3)

@@ -1,0 +1,53 @@
+"""Statements about lobes: who sets the boundary, where it is handed over, where static lobes mislead."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from chatter_core.variables import STATUS
+from pipeline.lobes import crossover_speeds, dominance, most_misjudged
+
+
+def lobes(dominant, *, static=None, dynamic=None, status=None):
+    """Return lobes of one preload and one number of modes at 1000, 2000, ... rpm."""
+    speeds = 1000.0 * np.arange(1, len(dominant) + 1)
+    kinds = ["dynamic"] if static is None else ["dynamic", "static"]
+    outer = ("modal_parameters", "preload", "mode_count", "spindle_speed")
+    shape = (len(kinds), 1, 1, len(speeds))
+    limit = np.full(shape, 1.0) if static is None else np.array([dynamic, static])[:, None, None]
+    cells = np.full((*shape, 2), STATUS["ok"]) if status is None else np.broadcast_to(status, (*shape, 2))
+    return xr.Dataset(
+        {
+            "limit_dominant_mode": ((*outer, "crossing"), np.broadcast_to(dominant, shape)[..., None]),
+            "limit_depth": ((*outer, "crossing"), limit[..., None]),
+            "status": ((*outer, "axial_depth"), cells),
+        },
+        coords={"modal_parameters": kinds, "preload": [100.0], "mode_count": [4], "spindle_speed": speeds,
+                "axial_depth": [1.0, 6.0]},
+    )  # fmt: skip
+
+
+def ranges(dominant):
+    frame = dominance(lobes(dominant))
+    return [tuple(row) for row in frame[["from_rpm", "to_rpm", "dominant_mode"]].to_numpy()]
+
+
+def test_a_boundary_above_the_grid_belongs_to_no_range():
+    assert ranges([1, 0, 1, 2]) == [(1000, 1000, 1), (3000, 3000, 1), (4000, 4000, 2)]
+
+
+def test_modes_hand_over_between_neighbours_only():
+    assert crossover_speeds(lobes([4, 4, 1]))["crossover_rpm"].tolist() == [2500.0]
+    assert crossover_speeds(lobes([1, 0, 0, 2])).empty
+
+
+def test_static_lobes_mislead_most_where_the_ratio_is_largest():
+    found = most_misjudged(lobes([4, 4, 4], static=[1.0, 4.0, np.nan], dynamic=[1.0, 1.0, 3.0]), 100.0, 4)
+    # Above the grid counts as its last depth, 6 mm: twice at 3000 rpm, four times at 2000 rpm.
+    assert (found.spindle_speed_rpm, found.static_limit_mm, found.dynamic_limit_mm) == pytest.approx((2000.0, 4.0, 1.0))
+
+
+def test_speeds_without_a_result_do_not_mislead():
+    status = np.array([[1, 1], [1, 2], [1, 1]])
+    found = most_misjudged(lobes([4, 4, 4], static=[1.0, 4.0, 6.0], dynamic=[1.0, 1.0, 3.0], status=status), 100.0, 4)
+    assert found.spindle_speed_rpm == 3000.0
