@@ -76,7 +76,16 @@ class Bearing(Description):
     pitch_diameter: float = Field(alias="pitch_diameter_mm", gt=0, le=5000, description="pitch circle diameter d_m")
     ball_diameter: float = Field(alias="ball_diameter_mm", gt=0, le=500, description="ball diameter D_b")
     ball_count: int = Field(ge=3, le=500, description="number of balls N")
-    contact_angle: float = Field(alias="contact_angle_deg", gt=0, lt=80, description="unloaded contact angle")
+    contact_angle: float | None = Field(
+        default=None, alias="contact_angle_deg", gt=0, lt=80, description="unloaded contact angle"
+    )
+    radial_clearance: float | None = Field(
+        default=None,
+        alias="radial_clearance_um",
+        ge=-1000,
+        le=1000,
+        description="diametral clearance P_d instead of a contact angle; negative where the balls are pressed in",
+    )
     inner_groove_conformity: float = Field(
         ge=0.501, le=1, description="inner groove radius over ball diameter, f_i (0.5: the groove would fit tightly)"
     )
@@ -85,6 +94,35 @@ class Bearing(Description):
     )
     ball: Material = Field(description="material of the balls")
     ring: Material = Field(description="material of both rings")
+    raceway_control: Literal["outer", "inner", "hybrid"] = Field(
+        default="outer", description="which race sets the ball's spin axis and holds its gyroscopic moment"
+    )
+
+    @property
+    def unloaded_contact_angle(self) -> float:
+        """Contact angle without load [rad]: as stated, or what the clearance leaves, cos a = 1 - P_d / (2 B D)."""
+        if self.radial_clearance is None:
+            assert self.contact_angle is not None
+            return self.contact_angle
+        play = max(0.0, self.radial_clearance)
+        return math.acos(1.0 - play / (2.0 * self._groove_distance))
+
+    @property
+    def _groove_distance(self) -> float:
+        return (self.inner_groove_conformity + self.outer_groove_conformity - 1.0) * self.ball_diameter
+
+    @model_validator(mode="after")
+    def _angle_or_clearance(self) -> Self:
+        if (self.contact_angle is None) == (self.radial_clearance is None):
+            found = "none of them" if self.contact_angle is None else "both"
+            raise ValueError(f"a bearing takes either contact_angle_deg or radial_clearance_um; found: {found}")
+        most = 2.0 * self._groove_distance * (1.0 - math.cos(math.radians(80.0)))
+        if self.radial_clearance is not None and self.radial_clearance > most:
+            raise ValueError(
+                f"radial_clearance_um {self.radial_clearance * 1e6:g} leaves the balls without a contact angle: "
+                f"allowed at most {most * 1e6:.0f}"
+            )
+        return self
 
     @model_validator(mode="after")
     def _balls_fit(self) -> Self:

@@ -12,14 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from chatter_core.bearing import (
-    Ball,
-    BearingState,
-    axisymmetric_state,
-    balance,
-    ball_of,
-    unloaded_groove_distance,
-)
+from chatter_core.bearing import BearingState, axisymmetric_state
+from chatter_core.bearing.ball import Ball, balance, ball_of, unloaded_groove_distance
 from chatter_core.machine import Bearing
 
 Array = NDArray[np.float64]
@@ -143,7 +137,7 @@ def settled_inner_force(ball: Ball, groove: Array, guess: Array, speed: float) -
     for _ in range(8):  # Newton's method doubles the digits: from 1e-3 of a step eight steps are plenty
         found = balance(ball, groove, centre, speed)
         centre = centre - np.linalg.solve(found.by_centre, found.residual)
-    return balance(ball, groove, centre, speed).inner_force
+    return balance(ball, groove, centre, speed).ring_load[:2]
 
 
 def ring_force(bearing: Bearing, state: BearingState, shift: Array) -> Array:

@@ -7,13 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chatter_core.bearing import (
-    axisymmetric_state,
-    balance,
-    ball_inertia,
-    ball_of,
-    unloaded_groove_distance,
-)
+from chatter_core.bearing import axisymmetric_state
+from chatter_core.bearing.ball import balance, ball_inertia, ball_of, unloaded_groove_distance
 from chatter_core.errors import NoEquilibrium
 from chatter_core.machine import Bearing
 
@@ -24,31 +19,53 @@ def central(function, at, step):
     return (function(at + step) - function(at - step)) / (2.0 * step)
 
 
-def test_jacobians_of_the_ball_are_the_derivatives(reference_machine):
-    bearing = reference_machine.bearing
+CONTROLS = pytest.mark.parametrize("control", ["outer", "inner", "hybrid"])
+
+
+@CONTROLS
+def test_jacobians_of_the_ball_are_the_derivatives(control, reference_machine):
+    bearing = reference_machine.bearing.model_copy(update={"raceway_control": control})
     ball, groove = ball_of(bearing), unloaded_groove_distance(bearing) + np.array([8e-6, 1e-6])
     centre, speed = 0.41 * groove + np.array([2e-7, 1.2e-6]), 15000.0 * RPM
     found = balance(ball, groove, centre, speed)
     step = 1e-10
     for axis in range(2):
-        shift = step * np.eye(2)[axis]
-        by_centre = central(lambda s, d=shift / step: balance(ball, groove, centre + s * d, speed).residual, 0.0, step)
-        by_groove = central(lambda s, d=shift / step: balance(ball, groove + s * d, centre, speed).residual, 0.0, step)
-        inner = central(lambda s, d=shift / step: balance(ball, groove + s * d, centre, speed).inner_force, 0.0, step)
-        # Central differences over 1e-10 m: rounding of 1e-13 N over 1e-10 m against 1e7 N/m.
-        assert found.by_centre[:, axis] == pytest.approx(by_centre, rel=2e-5, abs=200.0)
-        assert found.by_inner[:, axis] == pytest.approx(by_groove, rel=2e-5, abs=200.0)
-        assert found.inner_slope[:, axis] == pytest.approx(inner, rel=2e-5, abs=200.0)
+        way = np.eye(2)[axis]
+        moved_ball, moved_ring = (
+            lambda s, d=way: balance(ball, groove, centre + s * d, speed),
+            lambda s, d=way: balance(ball, groove + s * d, centre, speed),
+        )
+        for slope, name, move in (
+            (found.by_centre, "residual", moved_ball),
+            (found.by_groove, "residual", moved_ring),
+            (found.load_by_centre, "ring_load", moved_ball),
+            (found.load_by_groove, "ring_load", moved_ring),
+        ):
+            difference = central(lambda s, n=name, m=move: getattr(m(s), n), 0.0, step)
+            # Central differences over 1e-10 m: rounding of 1e-13 N over 1e-10 m against 1e7 N/m.
+            assert slope[:, axis] == pytest.approx(difference, rel=2e-5, abs=200.0)
 
 
-def test_derivatives_of_the_ball_inertia(reference_machine):
-    ball = ball_of(reference_machine.bearing)
-    inner, outer, speed = 0.4, 0.15, 20000.0 * RPM
+@CONTROLS
+def test_derivatives_of_the_ball_inertia(control, reference_machine):
+    ball = ball_of(reference_machine.bearing.model_copy(update={"raceway_control": control}))
+    inner, outer, speed = np.array(0.4), np.array(0.15), 20000.0 * RPM
     _, slopes = ball_inertia(ball, inner, outer, speed)
     by_inner = central(lambda a: ball_inertia(ball, a, outer, speed)[0], inner, 1e-6)
     by_outer = central(lambda a: ball_inertia(ball, inner, a, speed)[0], outer, 1e-6)
     # Central differences over 1e-6 rad err by 1e-12 and round by 1e-10.
     assert slopes == pytest.approx(np.stack([by_inner, by_outer], axis=1), rel=1e-7)
+
+
+def test_many_balls_at_once_are_each_ball_alone(reference_machine):
+    bearing = reference_machine.bearing
+    ball, groove = ball_of(bearing), unloaded_groove_distance(bearing) + np.array([8e-6, 1e-6])
+    centres = 0.41 * groove + np.array([[2e-7, 1.2e-6], [3e-7, -1e-6], [0.0, -2e-5]])
+    together = balance(ball, groove, centres, 15000.0 * RPM)
+    for i, centre in enumerate(centres):
+        alone = balance(ball, groove, centre, 15000.0 * RPM)
+        assert np.array_equal(together.residual[i], alone.residual)
+        assert np.array_equal(together.residual_slope[i], alone.residual_slope)
 
 
 @pytest.mark.parametrize("rpm", [0.0, 9000.0, 24000.0])

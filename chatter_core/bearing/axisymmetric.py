@@ -1,0 +1,215 @@
+"""Angular contact ball bearing under axial preload: contact angles and stiffness over speed (Jones).
+
+Under axial load alone every ball is alike, so one ball and the ring's axial place are the whole
+bearing: three unknowns, followed from standstill through speed.
+
+Sources: A. B. Jones, J. Basic Eng. 82 (1960) 309-320; T. A. Harris, M. N. Kotzalas, Advanced
+Concepts of Bearing Technology, 5th ed. (2007), chapter 3; equations 1-10 of "Effects of spindle
+speed-dependent dynamic characteristics of ball bearing and multi-modes on the stability of milling
+processes", whose equation 2 has lost the ball's mass and whose equation 6 is garbled.
+"""
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scipy.optimize import brentq
+
+from chatter_core.bearing.ball import BallBalance, balance, ball_of, unloaded_groove_distance
+from chatter_core.bearing.newton import damped_newton
+from chatter_core.errors import InvalidInput, NoEquilibrium
+from chatter_core.machine import Bearing
+
+Array = NDArray[np.float64]
+PreloadType = Literal["constant", "rigid"]
+
+#: Step of the path from standstill [rad/s] (2000 rpm); it is halved where Newton's method fails.
+PATH_STEP = 2000.0 * 2.0 * math.pi / 60.0
+#: Halvings of a step before the path ends.
+HALVINGS = 18
+#: Contact angle that no load reaches [rad]: there the balls would leave their grooves.
+STEEPEST = math.radians(89.9)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BearingState:
+    """State of one bearing over speed; every array is (speed,), NaN where ``solved`` is False.
+
+    spindle_speed [rad/s]; preload, what was asked for [N]; axial_load on the bearing [N], contact
+    angles [rad], contact forces, centrifugal force [N] and gyroscopic moment [N m] of one ball;
+    axial_displacement of the inner ring from the unloaded bearing [m]; stiffnesses [N/m].
+    """
+
+    preload: float
+    spindle_speed: Array
+    axial_load: Array
+    inner_contact_angle: Array
+    outer_contact_angle: Array
+    inner_contact_force: Array
+    outer_contact_force: Array
+    centrifugal_force: Array
+    gyroscopic_moment: Array
+    axial_displacement: Array
+    radial_stiffness: Array
+    axial_stiffness: Array
+    solved: NDArray[np.bool_]
+
+    def at(self, speeds: NDArray[np.intp]) -> "BearingState":
+        """Return the state at some of the speeds."""
+        arrays = [field.name for field in fields(self) if field.name != "preload"]
+        return replace(self, **{name: getattr(self, name)[speeds] for name in arrays})
+
+    def require_solved(self) -> None:
+        """Raise NoEquilibrium when some speed has no solution."""
+        if not self.solved.all():
+            speed = float(self.spindle_speed[~self.solved].min()) * 60.0 / (2.0 * math.pi)
+            raise NoEquilibrium(
+                f"the bearing has no equilibrium at {speed:.6g} rpm with a preload of {self.preload:g} N: a ball "
+                "leaves its inner race, or the balls' inertia exceeds what the contacts hold; raise the preload or "
+                "lower the speed"
+            )
+
+
+def axisymmetric_state(
+    bearing: Bearing, preload: float, spindle_speed: Array, preload_type: PreloadType
+) -> BearingState:
+    """Return the state of a bearing under axial load alone, at speeds (speed,) [rad/s] in any order.
+
+    All balls are alike, so one of them stands for all. ``constant`` preload keeps the axial force
+    [N], ``rigid`` keeps the axial displacement that this force causes at standstill. The solution is
+    continued from standstill along one fixed path of speeds, so that it does not depend on which
+    other speeds are asked for. ``solved`` is False from the speed on where the path ends.
+
+    Valid while every ball touches both races, for preloads from 0.1 N. Raises InvalidInput for a speed that is
+    negative or not finite. Source: Jones (1960).
+    """
+    if not np.all(np.isfinite(spindle_speed) & (spindle_speed >= 0.0)):
+        raise InvalidInput(["spindle_speed: every speed of the bearing must be a finite number, at least 0"])
+    path = _Path(bearing, preload / bearing.ball_count, preload_type)
+    speeds, place = np.unique(np.asarray(spindle_speed, dtype=float), return_inverse=True)
+    unknowns, solved = path.at(speeds)
+    found = path.balance(unknowns, speeds)
+    count, stiffness = bearing.ball_count, bearing.ball_count * found.ring_stiffness()
+    columns = {
+        "axial_load": count * found.ring_load[:, 0],
+        "inner_contact_angle": found.inner_contact_angle,
+        "outer_contact_angle": found.outer_contact_angle,
+        "inner_contact_force": found.inner_contact_force,
+        "outer_contact_force": found.outer_contact_force,
+        "centrifugal_force": found.centrifugal_force,
+        "gyroscopic_moment": found.gyroscopic_moment,
+        "axial_displacement": unknowns[:, 2],
+        "radial_stiffness": 0.5 * stiffness[:, 1, 1],  # the mean of cos^2 over the balls is one half
+        "axial_stiffness": stiffness[:, 0, 0],
+    }
+    return BearingState(
+        preload=preload,
+        spindle_speed=speeds[place],
+        solved=solved[place],
+        **{name: np.where(solved, values, np.nan)[place] for name, values in columns.items()},
+    )
+
+
+class _Path:
+    """Continuation in speed of (X_1, X_2, axial displacement) of the ball that stands for all."""
+
+    def __init__(self, bearing: Bearing, axial_force: float, preload_type: PreloadType) -> None:
+        self.ball, self.unloaded = ball_of(bearing), unloaded_groove_distance(bearing)
+        self.axial_force = axial_force
+        self.held: float | None = None
+        self.start = self._standstill()
+        if preload_type == "rigid":
+            self.held = float(self.start[2])
+
+    def at(self, speeds: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Return the unknowns (speed, 3) at ascending speeds, and which were reached (speed,).
+
+        The path's own stations alone are the starting points, whatever speeds are asked for.
+        """
+        stations = self._stations(float(speeds.max(initial=0.0)))
+        behind = np.minimum(speeds // PATH_STEP, len(stations) - 1).astype(int)
+        unknowns, solved = self._settle(stations[behind], speeds)
+        for i in np.flatnonzero(~solved & (speeds < len(stations) * PATH_STEP)):
+            reached = self._advance(stations[behind[i]], behind[i] * PATH_STEP, float(speeds[i]))
+            solved[i] = reached is not None
+            unknowns[i] = unknowns[i] if reached is None else reached
+        # Where the path has ended, whatever Newton's method finds beyond is another path's.
+        return unknowns, np.logical_and.accumulate(solved) & (speeds < len(stations) * PATH_STEP)
+
+    def balance(self, unknowns: Array, speeds: Array) -> BallBalance:
+        """Return the balance at unknowns (n, 3) and speeds (n,)."""
+        groove = np.stack([self.unloaded[0] + unknowns[:, 2], np.full(len(unknowns), self.unloaded[1])], axis=1)
+        return balance(self.ball, groove, unknowns[:, :2], speeds)
+
+    def _stations(self, highest: float) -> Array:
+        """Return the unknowns (station, 3) at multiples of PATH_STEP, as far as the path goes."""
+        stations = [self.start]
+        while len(stations) * PATH_STEP <= highest:
+            following = self._advance(stations[-1], (len(stations) - 1) * PATH_STEP, len(stations) * PATH_STEP)
+            if following is None:
+                break
+            stations.append(following)
+        return np.array(stations)
+
+    def _standstill(self) -> Array:
+        """Return the state at standstill, where both contacts carry one force in line.
+
+        The contact angle alone is unknown: the ring moves axially, so the grooves keep their radial
+        distance. The axial force rises with the angle, from a free ball on.
+        """
+        ball, radial = self.ball, float(self.unloaded[1])
+        reach = ball.inner_reach + ball.outer_reach
+
+        def force(angle: float) -> float:
+            return ball.series_factor * max(0.0, radial / math.cos(angle) - reach) ** 1.5
+
+        free = math.acos(min(1.0, radial / reach))
+        angle = brentq(lambda a: force(a) * math.sin(a) - self.axial_force, free, STEEPEST, xtol=1e-15)
+        centre = (ball.outer_reach + (force(angle) / ball.outer_factor) ** (2 / 3)) * np.array(
+            [math.sin(angle), math.cos(angle)]
+        )
+        guess = np.array([[*centre, radial * math.tan(angle) - self.unloaded[0]]])
+        settled, solved = self._settle(guess, np.zeros(1))
+        if not solved[0]:
+            raise NoEquilibrium("the bearing at standstill does not settle under its preload")
+        return settled[0]
+
+    def _advance(self, unknowns: Array, start: float, end: float) -> Array | None:
+        """Follow the solution from one speed to another; None where the path ends."""
+        step, speed = end - start, start
+        while True:
+            following, solved = self._settle(unknowns[None], np.array([min(speed + step, end)]))
+            if solved[0]:
+                speed, unknowns, step = min(speed + step, end), following[0], 2.0 * step
+                if speed >= end:
+                    return unknowns
+            else:
+                step *= 0.5
+                if step < PATH_STEP * 0.5**HALVINGS:
+                    return None
+
+    def _settle(self, start: Array, speeds: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Solve ball and ring at speeds (n,) from the unknowns ``start`` (n, 3)."""
+        return damped_newton(
+            lambda unknowns, which: self._system(unknowns, speeds[which]), start, math.hypot(*self.unloaded)
+        )
+
+    def _system(self, unknowns: Array, speeds: Array) -> tuple[Array, Array, Array]:
+        """Return residuals (n, 3), Jacobians (n, 3, 3) and the largest force; it is 0 when contact is lost."""
+        found = self.balance(unknowns, speeds)
+        jacobian = np.zeros((len(unknowns), 3, 3))
+        jacobian[:, :2, :2] = found.by_centre
+        jacobian[:, :2, 2] = found.by_groove[:, :, 0]
+        if self.held is None:
+            last = found.ring_load[:, 0] - self.axial_force
+            jacobian[:, 2, :2], jacobian[:, 2, 2] = found.load_by_centre[:, 0], found.load_by_groove[:, 0, 0]
+        else:
+            # A displacement in the unit of a force, so that one tolerance serves all three.
+            unit = np.where(found.load_by_groove[:, 0, 0] == 0.0, 1.0, found.load_by_groove[:, 0, 0])
+            last, jacobian[:, 2, 2] = unit * (unknowns[:, 2] - self.held), unit
+        touching = (found.inner_contact_force > 0.0) & (found.outer_contact_force > 0.0)
+        size = np.where(touching, np.maximum(found.inner_contact_force, found.outer_contact_force), 0.0)
+        return np.concatenate([found.residual, last[:, None]], axis=1), jacobian, size
