@@ -15,7 +15,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-
 from scipy.optimize import brentq
 
 from chatter_core.bearing.ball import BallBalance, balance, ball_of, unloaded_groove_distance
@@ -164,7 +163,7 @@ class _Path:
         reach = ball.inner_reach + ball.outer_reach
 
         def force(angle: float) -> float:
-            return ball.series_factor * max(0.0, radial / math.cos(angle) - reach) ** 1.5
+            return float(ball.series_factor * max(0.0, radial / math.cos(angle) - reach) ** 1.5)
 
         free = math.acos(min(1.0, radial / reach))
         angle = brentq(lambda a: force(a) * math.sin(a) - self.axial_force, free, STEEPEST, xtol=1e-15)
@@ -175,7 +174,7 @@ class _Path:
         settled, solved = self._settle(guess, np.zeros(1))
         if not solved[0]:
             raise NoEquilibrium("the bearing at standstill does not settle under its preload")
-        return settled[0]
+        return np.asarray(settled[0])
 
     def _advance(self, unknowns: Array, start: float, end: float) -> Array | None:
         """Follow the solution from one speed to another; None where the path ends."""

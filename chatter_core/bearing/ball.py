@@ -15,6 +15,7 @@ Concepts of Bearing Technology, 5th ed. (2007), chapters 2 and 3.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -170,16 +171,22 @@ def _proportional_share(inner_force: Array, outer_force: Array) -> _Share:
     return _Share(2.0 * inner_force / total, 2.0 * outer_force / total**2, -2.0 * inner_force / total**2)
 
 
-#: How the ball rolls and which race holds its gyroscopic moment, by ``raceway_control``:
-#: whether the outer race sets the ball's spin axis, and l_i.
+class _Control(NamedTuple):
+    """How the ball rolls: whether the outer race sets its spin axis, and how its moment is shared."""
+
+    outer_sets_spin: bool
+    share: Callable[[Array, Array], _Share]
+
+
+#: By ``raceway_control``.
 #: ``outer``: no spin at the outer race, which alone holds the moment (l_i = 0, l_o = 2).
 #: ``inner``: no spin at the inner race, the moment shared evenly (l_i = l_o = 1), as Harris has it.
 #: ``hybrid``: no spin at the outer race, the moment shared in proportion to the contact forces, as
 #: two contacts on the point of sliding with one coefficient of friction would.
 RACEWAY_CONTROL = {
-    "outer": (True, lambda inner, outer: _fixed_share(0.0, inner)),
-    "inner": (False, lambda inner, outer: _fixed_share(1.0, inner)),
-    "hybrid": (True, _proportional_share),
+    "outer": _Control(True, lambda inner, _: _fixed_share(0.0, inner)),
+    "inner": _Control(False, lambda inner, _: _fixed_share(1.0, inner)),
+    "hybrid": _Control(True, _proportional_share),
 }
 
 
@@ -200,10 +207,11 @@ def ball_inertia(ball: Ball, inner: Array, outer: Array, spindle_speed: Array | 
     """
     g = ball.diameter_ratio
     sin_i, cos_i, sin_o, cos_o = np.sin(inner), np.cos(inner), np.sin(outer), np.cos(outer)
-    if RACEWAY_CONTROL[ball.raceway_control][0]:
-        t, t_i, t_o = sin_o / (cos_o + g), 0.0, (1.0 + g * cos_o) / (cos_o + g) ** 2
+    still = np.zeros_like(cos_i)
+    if RACEWAY_CONTROL[ball.raceway_control].outer_sets_spin:
+        t, t_i, t_o = sin_o / (cos_o + g), still, (1.0 + g * cos_o) / (cos_o + g) ** 2
     else:
-        t, t_i, t_o = sin_i / (cos_i - g), (1.0 - g * cos_i) / (cos_i - g) ** 2, 0.0
+        t, t_i, t_o = sin_i / (cos_i - g), (1.0 - g * cos_i) / (cos_i - g) ** 2, still
     wide, narrow = 1.0 + g * cos_o, 1.0 - g * cos_i
     p, q = (cos_o + t * sin_o) / wide, (cos_i + t * sin_i) / narrow
     p_t, q_t = sin_o / wide, sin_i / narrow
@@ -279,7 +287,7 @@ def balance(ball: Ball, groove: Array, centre: Array, spindle_speed: Array | flo
     outer = _contact(ball.outer_reach, ball.outer_factor, centre, OUTER)
     inertia, by_angle = ball_inertia(ball, inner.angle, outer.angle, spindle_speed)
     slope = _outer(by_angle[..., 0], inner.angle_slope) + _outer(by_angle[..., 1], outer.angle_slope)
-    share, by_inner, by_outer = RACEWAY_CONTROL[ball.raceway_control][1](inner.magnitude, outer.magnitude)
+    share, by_inner, by_outer = RACEWAY_CONTROL[ball.raceway_control].share(inner.magnitude, outer.magnitude)
     share_slope = by_inner[..., None] * inner.magnitude_slope + by_outer[..., None] * outer.magnitude_slope
 
     # The moment over the ball's diameter is a pair of friction forces across the two contacts.
@@ -297,9 +305,7 @@ def balance(ball: Ball, groove: Array, centre: Array, spindle_speed: Array | flo
         residual=residual,
         residual_slope=residual_slope,
         ring_load=np.concatenate([inner.force + inner_friction, moment[..., None]], axis=-1),
-        ring_load_slope=np.concatenate(
-            [inner.force_slope + inner_friction_slope, moment_slope[..., None, :]], axis=-2
-        ),
+        ring_load_slope=np.concatenate([inner.force_slope + inner_friction_slope, moment_slope[..., None, :]], axis=-2),
         inner_contact_force=inner.magnitude,
         outer_contact_force=outer.magnitude,
         inner_contact_angle=inner.angle,

@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 
 from chatter_core.bearing import axisymmetric_state
+from chatter_core.bearing.arrangement import back_to_back, lift_off_force, loaded_arrangement, preload_displacement
+from chatter_core.bearing.ball import ball_of
 from chatter_core.hertz import elliptic_contact
 from chatter_core.machine import Bearing
 
@@ -83,15 +85,24 @@ def test_contact_angles_and_gyroscopic_moments_of_b7009c(reference_machine):
 def test_fag_catalogue_pair(preload, lift_off, rigidity):
     bearing = steel_bearing(60.0, 9.525, 16, 15.0, 0.529, modulus=208.0)
 
-    def displacement(load: float) -> float:
-        return float(axisymmetric_state(bearing, load, np.zeros(1), "constant").axial_displacement[0])
-
-    # An external force lifts one bearing off when the other has taken up twice the preload's deflection.
-    preloaded = displacement(float(preload))
-    low, high = float(preload), 6.0 * preload
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if displacement(middle) < 2.0 * preloaded else (low, middle)
+    pair = back_to_back(bearing, 0.016, float(preload))
+    force = lift_off_force(pair)
     # The catalogue's own rounding and its unknown grooves leave 2 %.
-    assert low == pytest.approx(lift_off, rel=0.02)
-    assert low / preloaded * 1e-6 == pytest.approx(rigidity, rel=0.02)
+    assert force == pytest.approx(lift_off, rel=0.02)
+    assert force / preload_displacement(pair)[0] * 1e-6 == pytest.approx(rigidity, rel=0.02)
+    # Under that load one bearing is unloaded, the other carries it alone.
+    carrying, lifted = loaded_arrangement(pair, (force, 0.0, 0.0)).bearings
+    assert carrying.load[0] == pytest.approx(force, rel=1e-6)
+    assert abs(lifted.load[0]) <= 1e-6 * force
+
+
+def test_a_contact_angle_that_did_not_grow_would_miss_the_heavy_preload():
+    """Held at 15 degrees, the heavy preload's rigidity is missed by more than a fifth: the growth is needed."""
+    bearing = steel_bearing(60.0, 9.525, 16, 15.0, 0.529, modulus=208.0)
+    angle, count = math.radians(15.0), bearing.ball_count
+
+    def displacement(load: float) -> float:
+        return (load / (count * math.sin(angle)) / ball_of(bearing).series_factor) ** (2 / 3) / math.sin(angle)
+
+    force = 1019.0 * 2.0**1.5  # twice the displacement at a fixed angle
+    assert force / displacement(1019.0) * 1e-6 < 0.8 * 128.6

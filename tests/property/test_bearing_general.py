@@ -1,0 +1,196 @@
+"""General bearing load by second methods and by what must hold for every bearing and load.
+
+- At standstill the balls are springs: the displacement minimises their elastic energy less the work of
+  the load. The minimum is sought by a simplex, which knows neither forces nor stiffness.
+- At speed all balls and the ring are solved at once by another program's root finder, from equations
+  written out here after Harris and Kotzalas (2007), chapter 3, in sines and cosines of X and A.
+- The stiffness is the slope of the load over the displacement.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import fsolve, minimize
+
+from chatter_core.bearing.ball import ball_of
+from chatter_core.bearing.general import displaced_bearing, groove_radius, loaded_bearing
+from chatter_core.machine import Bearing
+
+RPM = 2.0 * math.pi / 60.0
+EXAMPLES = settings(max_examples=12, deadline=None, derandomize=True)
+STEEL = {"youngs_modulus_gpa": 206.0, "poisson_ratio": 0.3, "density_kg_m3": 7800.0}
+BEARINGS = st.builds(
+    lambda ball, count, angle, inner, outer, control: Bearing.model_validate(
+        {
+            "pitch_diameter_mm": 60.0,
+            "ball_diameter_mm": ball,
+            "ball_count": count,
+            "contact_angle_deg": angle,
+            "inner_groove_conformity": inner,
+            "outer_groove_conformity": outer,
+            "ball": STEEL,
+            "ring": STEEL,
+            "raceway_control": control,
+        }
+    ),
+    ball=st.floats(5.0, 11.0),
+    count=st.integers(7, 14),
+    angle=st.floats(12.0, 40.0),
+    inner=st.floats(0.515, 0.57),
+    outer=st.floats(0.515, 0.57),
+    control=st.sampled_from(["outer", "inner", "hybrid"]),
+)
+#: Loads that leave some balls lightly loaded or out of the load zone, and others that do not.
+AXIAL, RADIAL_SHARE, MOMENT_SHARE = st.floats(100.0, 2000.0), st.floats(-1.5, 1.5), st.floats(-0.8, 0.8)
+
+
+def load_of(axial: float, radial: float, moment: float) -> np.ndarray:
+    return axial * np.array([1.0, radial, moment * 0.03])
+
+
+@EXAMPLES
+@given(bearing=BEARINGS, axial=AXIAL, radial=RADIAL_SHARE, moment=MOMENT_SHARE)
+def test_at_rest_the_ring_lies_where_energy_is_least(bearing, axial, radial, moment):
+    load = load_of(axial, radial, moment)
+    found = loaded_bearing(bearing, load)
+    ball, arm = ball_of(bearing), groove_radius(bearing)
+    distance = (bearing.inner_groove_conformity + bearing.outer_groove_conformity - 1.0) * bearing.ball_diameter
+    angle, cosine = bearing.contact_angle, np.cos(found.azimuth)
+    unit = 1e-5 * np.array([1.0, 1.0, 1.0 / arm])
+
+    def energy(scaled):
+        axial_move, radial_move, tilt = scaled * unit
+        length = np.hypot(
+            distance * math.sin(angle) + axial_move + tilt * arm * cosine,
+            distance * math.cos(angle) + radial_move * cosine,
+        )
+        squeeze = np.maximum(0.0, length - distance)
+        return float(1e3 * (0.4 * ball.series_factor * np.sum(squeeze**2.5) - load @ (scaled * unit)))
+
+    lowest = minimize(
+        energy,
+        np.ones(3),
+        method="Nelder-Mead",
+        options={"xatol": 1e-9, "fatol": 1e-15, "maxiter": 8000, "maxfev": 8000},
+    )
+    # Near the minimum energy is flat: rounding of 1e-16 of it leaves 1e-8 of the step, some more for a simplex.
+    assert found.displacement / unit == pytest.approx(lowest.x, rel=2e-4, abs=2e-4)
+    assert energy(found.displacement / unit) <= lowest.fun + 1e-9 * abs(lowest.fun)
+
+
+def harris_equations(bearing: Bearing, load, speed, cosine):
+    """Return the residual of all balls and the ring, unknowns (X_1, X_2, delta_i, delta_o) of each ball, ring."""
+    ball, arm, count = ball_of(bearing), groove_radius(bearing), bearing.ball_count
+    diameter, gamma = bearing.ball_diameter, bearing.ball_diameter / bearing.pitch_diameter
+    distance = (bearing.inner_groove_conformity + bearing.outer_groove_conformity - 1.0) * diameter
+    angle = bearing.contact_angle
+    micro = 1e-6
+
+    def residual(unknowns):
+        x1, x2, inner, outer = unknowns[:-3].reshape(4, count) * np.array([[1e-4], [1e-4], [micro], [micro]])
+        axial, radial, tilt = unknowns[-3:] * micro * np.array([1.0, 1.0, 1.0 / arm])
+        a1 = distance * math.sin(angle) + axial + tilt * arm * cosine
+        a2 = distance * math.cos(angle) + radial * cosine
+        reach_o, reach_i = ball.outer_reach + outer, ball.inner_reach + inner
+        cos_o, sin_o, cos_i, sin_i = x2 / reach_o, x1 / reach_o, (a2 - x2) / reach_i, (a1 - x1) / reach_i
+        tangent = sin_o / (cos_o + gamma)
+        if bearing.raceway_control == "inner":
+            tangent = sin_i / (cos_i - gamma)
+        beta = np.arctan(tangent)
+        orbit = 1.0 / (
+            1.0
+            + (1.0 + gamma * cos_o) * (cos_i + tangent * sin_i) / ((1.0 - gamma * cos_i) * (cos_o + tangent * sin_o))
+        )
+        spin = 1.0 / (
+            gamma
+            * np.cos(beta)
+            * ((cos_o + tangent * sin_o) / (1.0 + gamma * cos_o) + (cos_i + tangent * sin_i) / (1.0 - gamma * cos_i))
+        )
+        centrifugal = 0.5 * ball.mass * bearing.pitch_diameter * speed**2 * orbit**2
+        moment = ball.mass * diameter**2 / 10.0 * spin * orbit * speed**2 * np.sin(beta)
+        force_i = ball.inner_factor * np.maximum(inner, 0.0) ** 1.5
+        force_o = ball.outer_factor * np.maximum(outer, 0.0) ** 1.5
+        share = {"outer": 0.0, "inner": 1.0, "hybrid": 2.0 * force_i / (force_i + force_o)}[bearing.raceway_control]
+        at_i, at_o = share * moment / diameter, (2.0 - share) * moment / diameter
+        axial_i, radial_i = force_i * sin_i - at_i * cos_i, force_i * cos_i + at_i * sin_i
+        groove = bearing.inner_groove_conformity * diameter
+        return np.concatenate(
+            [
+                ((a1 - x1) ** 2 + (a2 - x2) ** 2 - reach_i**2) / 1e-10,
+                (x1**2 + x2**2 - reach_o**2) / 1e-10,
+                axial_i - force_o * sin_o + at_o * cos_o,
+                radial_i - force_o * cos_o - at_o * sin_o + centrifugal,
+                [
+                    np.sum(axial_i) - load[0],
+                    np.sum(radial_i * cosine) - load[1],
+                    (np.sum((axial_i * arm + at_i * groove) * cosine) - load[2]) / arm,
+                ],
+            ]
+        )
+
+    return residual
+
+
+@EXAMPLES
+@given(
+    bearing=BEARINGS,
+    axial=AXIAL,
+    radial=st.floats(-0.6, 0.6),
+    moment=st.floats(-0.3, 0.3),
+    rpm=st.floats(1000.0, 9000.0),
+)
+def test_at_speed_all_balls_and_the_ring_at_once_agree(bearing, axial, radial, moment, rpm):
+    load, speed = load_of(axial, radial, moment), rpm * RPM
+    found = loaded_bearing(bearing, load, speed)
+    equations = harris_equations(bearing, load, speed, np.cos(found.azimuth))
+    # Started beside the solution in every unknown, so that it has to find its own way.
+    inner = (found.inner_contact_force / ball_of(bearing).inner_factor) ** (2 / 3)
+    outer = (found.outer_contact_force / ball_of(bearing).outer_factor) ** (2 / 3)
+    reach = ball_of(bearing).outer_reach + outer
+    x1, x2 = reach * np.sin(found.outer_contact_angle), reach * np.cos(found.outer_contact_angle)
+    ring = found.displacement * np.array([1.0, 1.0, groove_radius(bearing)])
+    exact = np.concatenate([x1 / 1e-4, x2 / 1e-4, inner / 1e-6, outer / 1e-6, ring / 1e-6])
+    rest = np.abs(equations(exact))
+    # Distances squared round at 1e-9 of their unit, forces at 1e-12 of the load.
+    assert rest.max() <= 1e-6 * axial
+    solved, _, flag, _ = fsolve(equations, exact * 1.003, full_output=True, xtol=1e-13)
+    if flag == 1 and found.in_load_zone.all():
+        assert solved == pytest.approx(exact, rel=1e-5, abs=1e-5)
+
+
+@EXAMPLES
+@given(
+    bearing=BEARINGS, axial=AXIAL, radial=RADIAL_SHARE, moment=MOMENT_SHARE, rpm=st.sampled_from([0.0, 3000.0, 9000.0])
+)
+def test_stiffness_is_the_slope_of_the_load(bearing, axial, radial, moment, rpm):
+    found = loaded_bearing(bearing, load_of(axial, radial, moment), rpm * RPM)
+    arm = groove_radius(bearing)
+    steps, sizes = 1e-9 * np.array([1.0, 1.0, 1.0 / arm]), np.array([1.0, 1.0, arm])
+    slopes = []
+    for step, way in zip(steps, np.eye(3), strict=True):
+        plus, minus = (
+            displaced_bearing(bearing, found.displacement + sign * step * way, rpm * RPM).load for sign in (1.0, -1.0)
+        )
+        slopes.append((plus - minus) / (2.0 * step))
+    differenced = np.array(slopes).T / np.outer(sizes, sizes)
+    stiffness = found.stiffness / np.outer(sizes, sizes)
+    # Differences over 1 nm: a ball within a nanometre of leaving its race, and rounding, leave 1e-3.
+    assert stiffness == pytest.approx(differenced, rel=2e-3, abs=2e-3 * np.abs(stiffness).max())
+    if rpm == 0.0:
+        # Springs: the stiffness of a potential is symmetric.
+        assert stiffness == pytest.approx(stiffness.T, rel=1e-9, abs=1e-9 * np.abs(stiffness).max())
+
+
+@EXAMPLES
+@given(bearing=BEARINGS, axial=AXIAL, radial=RADIAL_SHARE, moment=MOMENT_SHARE)
+def test_a_load_turned_by_a_ball_pitch_meets_the_same_bearing(bearing, axial, radial, moment):
+    """Reversing radial force and moment turns the load by half a turn, which even ball counts do not notice."""
+    even = bearing.model_copy(update={"ball_count": bearing.ball_count // 2 * 2})
+    forth, back = (loaded_bearing(even, load_of(axial, sign * radial, sign * moment)) for sign in (1.0, -1.0))
+    assert back.displacement == pytest.approx(forth.displacement * [1.0, -1.0, -1.0], rel=1e-6, abs=1e-12)
+    half = even.ball_count // 2
+    expected = np.roll(forth.inner_contact_force, half)
+    assert back.inner_contact_force == pytest.approx(expected, rel=1e-6, abs=1e-6 * axial)
