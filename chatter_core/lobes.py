@@ -246,7 +246,9 @@ def _mode_share(
     energy = (mass * (velocity + modes.natural_frequency[speed][:, None, :] ** 2 * displacement)).sum(axis=1)
     labels = np.arange(1, int(modes.label.max()) + 1)
     share = energy @ (modes.label[:, None] == labels).astype(float)
-    return np.asarray(share / share.sum(axis=-1, keepdims=True))
+    total = share.sum(axis=-1, keepdims=True)
+    # A cut so light that its forces vanish in rounding moves no mode: nobody has a share then.
+    return np.asarray(np.divide(share, total, out=np.full_like(share, np.nan), where=total > 0.0))
 
 
 def _resolved_grid(

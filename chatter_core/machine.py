@@ -6,6 +6,7 @@ nowhere else; values live in yaml. Geometry that no single key can judge (balls 
 a bearing beside the shaft) is checked by the validators at the end of each class.
 """
 
+import itertools
 import math
 from typing import Any, Literal, Self
 
@@ -15,8 +16,17 @@ from chatter_core.units import si_factor
 
 #: A position counts as on the shaft when it misses its end by less than this [m].
 POSITION_TOLERANCE = 1e-9
+#: Bearing seats are apart by this at least [m]; bores are this share of the outer diameter at most.
+CLOSEST_SEATS, THINNEST_BORE = 1e-3, 0.999
 #: Bounds of the axial preload of a single bearing [N].
 LEAST_PRELOAD, MOST_PRELOAD = 0.1, 1e6
+
+
+def no_truth_value(value: Any) -> Any:
+    """Return a value as it is; raise ValueError for true and false, which would pass as 1 and 0."""
+    if isinstance(value, bool):
+        raise ValueError(f"found {str(value).lower()}, a number or word is needed")
+    return value
 
 
 class Description(BaseModel):
@@ -27,10 +37,7 @@ class Description(BaseModel):
     @field_validator("*", mode="before")
     @classmethod
     def _no_truth_values(cls, value: Any) -> Any:
-        # yaml reads yes, no, on and off as truth values, which would pass as 1 and 0.
-        if isinstance(value, bool):
-            raise ValueError(f"found {str(value).lower()}, a number or word is needed")
-        return value
+        return no_truth_value(value)
 
     @field_validator("*", mode="after")
     @classmethod
@@ -60,9 +67,9 @@ def _border_value(value: Any, key: str) -> Any:
 class Material(Description):
     """Linear elastic, isotropic material."""
 
-    youngs_modulus: float = Field(alias="youngs_modulus_gpa", gt=0, le=2000, description="Young's modulus E")
+    youngs_modulus: float = Field(alias="youngs_modulus_gpa", ge=1e-3, le=2000, description="Young's modulus E")
     poisson_ratio: float = Field(ge=0, lt=0.5, description="Poisson's ratio")
-    density: float = Field(alias="density_kg_m3", gt=0, le=30000, description="mass density")
+    density: float = Field(alias="density_kg_m3", ge=1e-3, le=30000, description="mass density")
 
     @property
     def shear_modulus(self) -> float:
@@ -73,11 +80,11 @@ class Material(Description):
 class Bearing(Description):
     """Angular contact ball bearing, as its data sheet describes it."""
 
-    pitch_diameter: float = Field(alias="pitch_diameter_mm", gt=0, le=5000, description="pitch circle diameter d_m")
-    ball_diameter: float = Field(alias="ball_diameter_mm", gt=0, le=500, description="ball diameter D_b")
+    pitch_diameter: float = Field(alias="pitch_diameter_mm", ge=1, le=5000, description="pitch circle diameter d_m")
+    ball_diameter: float = Field(alias="ball_diameter_mm", ge=0.1, le=500, description="ball diameter D_b")
     ball_count: int = Field(ge=3, le=500, description="number of balls N")
     contact_angle: float | None = Field(
-        default=None, alias="contact_angle_deg", gt=0, lt=80, description="unloaded contact angle"
+        default=None, alias="contact_angle_deg", ge=0.1, lt=80, description="unloaded contact angle"
     )
     radial_clearance: float | None = Field(
         default=None,
@@ -138,19 +145,22 @@ class Bearing(Description):
 class Section(Description):
     """Cylindrical piece of the rotor, counted from the tool tip."""
 
-    part: str = Field(description="what it belongs to: tool, holder, shaft, or a name of your own")
-    length: float = Field(alias="length_mm", gt=0, le=10000, description="length")
-    outer_diameter: float = Field(alias="outer_diameter_mm", gt=0, le=2000, description="outer diameter")
+    part: str = Field(
+        pattern=r"^[A-Za-z0-9 _.,+()/-]{1,64}$",
+        description="what it belongs to: tool, holder, shaft, or a name of your own",
+    )
+    length: float = Field(alias="length_mm", ge=0.1, le=10000, description="length")
+    outer_diameter: float = Field(alias="outer_diameter_mm", ge=0.1, le=2000, description="outer diameter")
     inner_diameter: float = Field(alias="inner_diameter_mm", default=0.0, ge=0, description="bore diameter")
-    youngs_modulus: float = Field(alias="youngs_modulus_gpa", gt=0, le=2000, description="Young's modulus E")
+    youngs_modulus: float = Field(alias="youngs_modulus_gpa", ge=1e-3, le=2000, description="Young's modulus E")
     poisson_ratio: float = Field(ge=0, lt=0.5, description="Poisson's ratio")
-    density: float = Field(alias="density_kg_m3", gt=0, le=30000, description="mass density")
+    density: float = Field(alias="density_kg_m3", ge=1e-3, le=30000, description="mass density")
 
     @model_validator(mode="after")
     def _is_hollow_at_most(self) -> Self:
-        if self.inner_diameter >= self.outer_diameter:
+        if self.inner_diameter > THINNEST_BORE * self.outer_diameter:
             raise ValueError(
-                f"inner_diameter_mm {self.inner_diameter * 1e3:g} must be smaller than "
+                f"inner_diameter_mm {self.inner_diameter * 1e3:g} must be smaller than {THINNEST_BORE:g} times "
                 f"outer_diameter_mm {self.outer_diameter * 1e3:g}"
             )
         return self
@@ -160,10 +170,10 @@ class Disc(Description):
     """Rigid disc on the rotor (pulley, motor rotor, clamping nut), added to the section below it."""
 
     position: float = Field(alias="position_mm", ge=0, description="distance of its middle from the tool tip")
-    width: float = Field(alias="width_mm", gt=0, le=5000, description="axial width")
-    outer_diameter: float = Field(alias="outer_diameter_mm", gt=0, le=5000, description="outer diameter")
+    width: float = Field(alias="width_mm", ge=0.01, le=5000, description="axial width")
+    outer_diameter: float = Field(alias="outer_diameter_mm", ge=0.1, le=5000, description="outer diameter")
     inner_diameter: float = Field(alias="inner_diameter_mm", ge=0, description="bore: the shaft's diameter there")
-    density: float = Field(alias="density_kg_m3", gt=0, le=30000, description="mass density")
+    density: float = Field(alias="density_kg_m3", ge=1e-3, le=30000, description="mass density")
 
     @model_validator(mode="after")
     def _has_material(self) -> Self:
@@ -186,9 +196,11 @@ class Damping(Description):
     """Damping of the rotor on its bearings: proportional, C = c1 M + c2 K, or one modal ratio."""
 
     kind: Literal["proportional", "modal"] = Field(description="law of damping")
-    mass_coefficient: float | None = Field(default=None, alias="mass_coefficient_1_s", ge=0, description="c1")
-    stiffness_coefficient: float | None = Field(default=None, alias="stiffness_coefficient_s", ge=0, description="c2")
-    ratio: float | None = Field(default=None, gt=0, lt=1, description="damping ratio of every mode at every speed")
+    mass_coefficient: float | None = Field(default=None, alias="mass_coefficient_1_s", ge=0, le=1e5, description="c1")
+    stiffness_coefficient: float | None = Field(
+        default=None, alias="stiffness_coefficient_s", ge=0, le=1e-3, description="c2"
+    )
+    ratio: float | None = Field(default=None, ge=1e-9, lt=1, description="damping ratio of every mode at every speed")
 
     @model_validator(mode="after")
     def _keys_belong_to_kind(self) -> Self:
@@ -243,8 +255,12 @@ class Spindle(Description):
                         f"which ends at {self.length * 1e3:g} mm"
                     )
         positions = [seat.position for seat in self.bearings]
-        if len(set(positions)) < len(positions):
-            raise ValueError("bearings: two seats share one position_mm; use count for bearings side by side")
+        places = sorted(positions)
+        if any(second - first < CLOSEST_SEATS for first, second in itertools.pairwise(places)):
+            raise ValueError(
+                f"bearings: two seats are nearer than {CLOSEST_SEATS * 1e3:g} mm to each other; "
+                "use count for bearings side by side"
+            )
         if len(positions) < 2:
             raise ValueError("bearings: a rotor needs at least two seats, one alone lets it swing freely")
         return self
@@ -254,9 +270,9 @@ class TipMode(Description):
     """Mode measured at the tool tip."""
 
     axis: Literal["x", "y"] = Field(description="direction of the mode; x is the feed direction")
-    natural_frequency: float = Field(alias="natural_frequency_hz", gt=0, le=1e6, description="natural frequency")
-    damping_ratio: float = Field(gt=0, lt=1, description="damping ratio")
-    stiffness: float = Field(alias="stiffness_n_um", gt=0, le=1e6, description="modal stiffness felt at the tip")
+    natural_frequency: float = Field(alias="natural_frequency_hz", ge=0.1, le=1e6, description="natural frequency")
+    damping_ratio: float = Field(ge=1e-9, lt=1, description="damping ratio")
+    stiffness: float = Field(alias="stiffness_n_um", ge=1e-6, le=1e6, description="modal stiffness felt at the tip")
     spindle_speed: float | None = Field(
         default=None, alias="spindle_speed_rpm", ge=0, le=1e6, description="speed it was measured at, where known"
     )
@@ -285,7 +301,7 @@ class Tool(Description):
     """Milling cutter with equally spaced teeth."""
 
     teeth: int = Field(ge=1, le=100, description="number of teeth Z")
-    diameter: float = Field(alias="diameter_mm", gt=0, le=2000, description="cutting diameter")
+    diameter: float = Field(alias="diameter_mm", ge=0.01, le=2000, description="cutting diameter")
     helix_angle: float = Field(alias="helix_angle_deg", ge=0, lt=80, description="helix angle eta")
     rake_angle: float = Field(alias="rake_angle_deg", gt=-60, lt=60, description="normal rake angle phi_n")
 
@@ -293,7 +309,7 @@ class Tool(Description):
 class Cutting(Description):
     """Cutting force coefficients of a workpiece material with a tool."""
 
-    specific_cutting_energy: float = Field(alias="kt_mpa", gt=0, le=1e5, description="specific cutting energy k_t")
+    specific_cutting_energy: float = Field(alias="kt_mpa", ge=0.1, le=1e5, description="specific cutting energy k_t")
     kn: float = Field(ge=0, le=10, description="normal force over friction-free tangential force, k_n")
     friction_coefficient: float = Field(ge=0, le=5, description="friction coefficient mu on the rake face")
 
@@ -302,8 +318,8 @@ class Process(Description):
     """How the cutter meets the workpiece; feed along x."""
 
     direction: Literal["up", "down", "slot"] = Field(description="kind of milling")
-    radial_immersion: float = Field(gt=0, le=1, description="radial depth over tool diameter")
-    feed_per_tooth: float = Field(alias="feed_per_tooth_mm", gt=0, le=100, description="feed per tooth")
+    radial_immersion: float = Field(ge=1e-4, le=1, description="radial depth over tool diameter")
+    feed_per_tooth: float = Field(alias="feed_per_tooth_mm", ge=1e-6, le=100, description="feed per tooth")
 
     @model_validator(mode="after")
     def _slot_is_full(self) -> Self:

@@ -1,6 +1,7 @@
 """Reading what a user wrote: yaml files, and validation findings as plain sentences."""
 
 import difflib
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +13,33 @@ from chatter_core.machine import Machine
 
 #: Largest yaml file that is read [bytes]; a machine takes about 2000.
 LARGEST_FILE = 1_000_000
+#: Levels of lists and keys in one another; a machine has four.
+DEEPEST = 20
 
 
 class _PlainLoader(yaml.SafeLoader):
-    """Safe loader that refuses what has no place in a description: aliases and duplicated keys."""
+    """Safe loader for descriptions: words, numbers, true, false, null, lists and keys with values.
+
+    What YAML 1.1 guesses beyond that (dates, sexagesimal and octal numbers, yes and no as truth
+    values) stays a word. Tags, aliases, repeated keys and deep nesting are refused.
+    """
+
+    yaml_implicit_resolvers = {}  # noqa: RUF012  # what SafeLoader would guess
+    depth = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):
-            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        mark: Any = event.start_mark
+        if isinstance(event, yaml.AliasEvent):
             raise yaml.MarkedYAMLError(problem="an alias (*name) is not allowed", problem_mark=mark)
-        return super().compose_node(parent, index)
+        if getattr(event, "tag", None) is not None:
+            raise yaml.MarkedYAMLError(problem=f"a tag ({event.tag}) is not allowed", problem_mark=mark)
+        if self.depth >= DEEPEST:
+            raise yaml.MarkedYAMLError(problem="nested too deeply", problem_mark=mark)
+        self.depth += 1
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
         seen: set[Any] = set()
@@ -37,26 +55,49 @@ class _PlainLoader(yaml.SafeLoader):
         return super().construct_mapping(node, deep=deep)
 
 
+_DECIMAL = r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?"
+for _tag, _pattern, _starts in (
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    ("int", r"[-+]?(0|[1-9][0-9]{0,17})", list("-+0123456789")),
+    ("float", rf"{_DECIMAL}|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", list("-+.0123456789")),
+):
+    _PlainLoader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(f"^(?:{_pattern})$"), _starts)
+
+
+def load_value(text: str) -> Any:
+    """Return the value that a piece of yaml says.
+
+    Raises ValueError, in one sentence, when it is no plain yaml.
+    """
+    try:
+        return yaml.load(text, _PlainLoader)
+    except yaml.YAMLError as error:
+        raise ValueError(getattr(error, "problem", None) or str(error).splitlines()[0]) from None
+
+
 def load_yaml(path: Path) -> dict[str, Any]:
     """Return the mapping in a yaml file.
 
     Raises InvalidInput, naming file and line, when it cannot be read or is no mapping.
     """
     try:
+        if path.exists() and not path.is_file():
+            raise InvalidInput([f"{path}: is no file"])
         if path.stat().st_size > LARGEST_FILE:
             raise InvalidInput([f"{path}: larger than {LARGEST_FILE} bytes, which no description needs"])
         content = yaml.load(path.read_text(encoding="utf-8-sig"), _PlainLoader)
     except FileNotFoundError:
         raise InvalidInput([f"{path}: no such file{_near_file(path)}"]) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InvalidInput([f"{path}: cannot be read: {error}"]) from None
+    except UnicodeDecodeError as error:
+        raise InvalidInput([f"{path}: is no UTF-8 text, byte {error.start} cannot be read"]) from None
+    except OSError as error:
+        raise InvalidInput([f"{path}: cannot be read: {error.strerror}"]) from None
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
         line = f", line {mark.line + 1}" if mark else ""
         problem = getattr(error, "problem", None) or str(error).splitlines()[0]
         raise InvalidInput([f"{path}{line}: no valid yaml: {problem}"]) from None
-    except RecursionError:
-        raise InvalidInput([f"{path}: nested too deeply"]) from None
     if not isinstance(content, dict):
         raise InvalidInput([f"{path}: expected keys and values, found {_shown(content)}"])
     return content
@@ -76,7 +117,14 @@ def read_machine(path: str | Path) -> Machine:
 
 def sentences(error: ValidationError, model: type[BaseModel]) -> list[str]:
     """Return one sentence for each finding: where, what was found, what is allowed."""
-    return [_sentence(dict(finding), model) for finding in error.errors()]
+    findings = error.errors()
+    # A list counts as empty while its entries are wrong: that says nothing beside what is wrong with them.
+    inner = {finding["loc"][:size] for finding in findings for size in range(len(finding["loc"]))}
+    return [
+        _sentence(dict(finding), model)
+        for finding in findings
+        if not (finding["type"] == "too_short" and finding["loc"] in inner)
+    ]
 
 
 def nearest(word: str, allowed: list[str]) -> str:
@@ -135,7 +183,8 @@ def _allowed(kind: str, context: dict[str, Any], message: str) -> str:
 def _dotted(place: tuple[Any, ...]) -> str:
     words = ""
     for part in place:
-        words += f"[{part}]" if isinstance(part, int) else (f".{part}" if words else str(part))
+        name = part or "''"
+        words += f"[{part}]" if isinstance(part, int) else (f".{name}" if words else str(name))
     return words
 
 

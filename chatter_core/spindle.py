@@ -20,12 +20,15 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from chatter_core.errors import InvalidInput
-from chatter_core.machine import POSITION_TOLERANCE, Damping, Section, Spindle
+from chatter_core.machine import Damping, Section, Spindle
 
 Array = NDArray[np.float64]
 
 #: The rotor is cut into elements no longer than this share of its length.
 ELEMENTS_PER_ROTOR = 96
+#: Borders, seats and discs that are nearer than this share one node [m]: a shorter element is stiffer than
+#: the rest of the rotor by more than double precision holds.
+SHORTEST_ELEMENT = 1e-5
 #: Modes kept by the reduction, beside one attachment shape for each seat.
 KEPT_MODES = 20
 #: Stiffness of every seat for which the modes of the reduction are exact [N/m].
@@ -166,7 +169,7 @@ def _mesh(spindle: Spindle, elements_per_rotor: int) -> tuple[Array, list[Sectio
     borders = np.concatenate(([0.0], np.cumsum([section.length for section in spindle.sections])))
     places = [*borders, *(s.position for s in spindle.bearings), *(d.position for d in spindle.discs)]
     fixed = np.unique(np.clip(places, 0.0, borders[-1]))
-    fixed = fixed[np.concatenate(([True], np.diff(fixed) > POSITION_TOLERANCE))]
+    fixed = fixed[np.concatenate(([True], np.diff(fixed) > SHORTEST_ELEMENT))]
     longest = borders[-1] / elements_per_rotor
     nodes, owner = [0.0], []
     for start, end in itertools.pairwise(fixed):
@@ -188,14 +191,22 @@ def reduce_rotor(rotor: Rotor, kept_modes: int = KEPT_MODES) -> ReducedRotor:
     their stiffness, so the lower frequencies come out to seven digits or more near the reference
     stiffness and to four for seats from very soft to rigid. Method: MacNeal (1971); here with
     supported instead of free reference modes.
+
+    Raises InvalidInput for a rotor whose stiffness is singular in double precision.
     """
     supported = rotor.stiffness.copy()
     supported[rotor.seats, rotor.seats] += REFERENCE_SEAT_STIFFNESS
     kept = min(kept_modes, len(supported) - len(rotor.seats))
-    _, modes = scipy.linalg.eigh(supported, rotor.mass, subset_by_index=(0, kept - 1))
+    try:
+        factor = scipy.linalg.cho_factor(supported)
+        _, modes = scipy.linalg.eigh(supported, rotor.mass, subset_by_index=(0, kept - 1))
+    except (np.linalg.LinAlgError, ValueError):
+        raise InvalidInput(
+            ["spindle: its stiffness or mass is lost in rounding; is a section far more slender or softer than others?"]
+        ) from None
     unit = np.zeros((len(supported), len(rotor.seats)))
     unit[rotor.seats, np.arange(len(rotor.seats))] = 1.0
-    attached = scipy.linalg.solve(supported, unit, assume_a="pos")
+    attached = scipy.linalg.cho_solve(factor, unit)
     attached -= modes @ (modes.T @ rotor.mass @ attached)
     weights, turn = np.linalg.eigh(attached.T @ rotor.mass @ attached)
     useful = weights > 1e-12 * weights.max()

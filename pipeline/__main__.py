@@ -48,7 +48,7 @@ exit codes: 0 all well, 1 some points failed and are marked, 2 bad input, 3 stor
 def main(words: list[str] | None = None) -> int:
     """Run the command line and return the exit code."""
     words = sys.argv[1:] if words is None else words
-    if not words or words[0] in ("-h", "--help", "help"):
+    if not words or words[0] == "help" or {"-h", "--help"} & set(words):
         print(_help())
         return 0 if words else 2
     if words[0] == "--version":
@@ -74,8 +74,10 @@ def main(words: list[str] | None = None) -> int:
         sys.stderr.close()
         return 1
     except OSError as error:
-        print(f"error: {error.filename or ''} {error.strerror or error}; what was computed is kept", file=sys.stderr)
-        return 1
+        # What a run had computed is told where it is written; this is a path that cannot be used.
+        where = f"{str(error.filename)[:200]}: " if error.filename else ""
+        print(f"error: {where}{error.strerror or error}", file=sys.stderr)
+        return 2
 
 
 def _verb(name: str) -> Callable[[list[str]], int]:

@@ -2,8 +2,9 @@
 
 import logging
 import signal
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -52,6 +53,23 @@ class DeafToInterrupts(WorkerPlugin):  # type: ignore[misc]
 
 
 @contextmanager
+def _starting_deaf() -> Iterator[None]:
+    """Let processes that start meanwhile ignore SIGINT from their first moment: they inherit it.
+
+    A worker that Ctrl-C hits before its plugin is there would end in a traceback. For the second or
+    two that this takes the driver does not hear Ctrl-C either.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
 def open_client(cluster: Cluster) -> Iterator[Client | None]:
     """Yield a client of the cluster, None for ``serial``; what was started here is stopped again."""
     if cluster.kind == "serial":
@@ -73,19 +91,21 @@ def open_client(cluster: Cluster) -> Iterator[Client | None]:
         else:
             processes = cluster.kind == "local"
             count = cluster.workers or dask.system.CPU_COUNT
-            with (
-                LocalCluster(
-                    n_workers=count if processes else 1,
-                    threads_per_worker=1 if processes else count,
-                    processes=processes,
-                    # Any free port of this machine alone: nothing is open to others, and runs do not collide.
-                    dashboard_address=LOOPBACK,
-                    worker_dashboard_address=LOOPBACK,
-                    **({"host": "127.0.0.1"} if processes else {}),  # threads speak without a network
-                    silence_logs=logging.CRITICAL,
-                ) as local,
-                Client(local) as client,
-            ):
+            with ExitStack() as started:
+                with _starting_deaf():
+                    local = started.enter_context(
+                        LocalCluster(
+                            n_workers=count if processes else 1,
+                            threads_per_worker=1 if processes else count,
+                            processes=processes,
+                            # Any free port of this machine alone: nothing is open to others, and runs do not collide.
+                            dashboard_address=LOOPBACK,
+                            worker_dashboard_address=LOOPBACK,
+                            **({"host": "127.0.0.1"} if processes else {}),  # threads speak without a network
+                            silence_logs=logging.CRITICAL,
+                        )
+                    )
+                    client = started.enter_context(Client(local))
                 if processes:
                     client.register_plugin(DeafToInterrupts())
                 yield _ready(client)

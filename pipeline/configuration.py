@@ -4,24 +4,27 @@ Hydra composes the configs that are shipped; nothing of it is ever instantiated.
 looks like a path replaces the machine's parts by the content of that file.
 """
 
+import os
+import re
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 from pydantic import ValidationError
 
 import configs
 from chatter_core.errors import InvalidInput
-from chatter_core.reading import load_yaml, nearest, sentences
+from chatter_core.reading import load_value, load_yaml, nearest, sentences
 from pipeline.settings import Settings
 
 CONFIGS = Path(next(iter(configs.__path__)))
 #: Parts of a machine, each a key at the root of the config and in a machine.yaml.
 MACHINE_KEYS = ("bearing", "spindle", "tip", "tool", "cutting", "process")
+#: A name or an index in a dotted key.
+_KEY_PART = re.compile(r"([A-Za-z0-9_]+)|\[([0-9]{1,9})\]")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +85,16 @@ def sort_words(words: list[str], options: tuple[str, ...]) -> Words:
     return Words(options=found, choices=choices, values=values, machine_file=machine_file)
 
 
+def make_folder(output: Path) -> None:
+    """Make a folder for results; raise InvalidInput when it cannot be one."""
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInput([f"output: {str(output)[:200]} cannot be used as a folder: {error.strerror}"]) from None
+    if not os.access(output, os.W_OK | os.X_OK):
+        raise InvalidInput([f"output: {output} cannot be written: Permission denied"])
+
+
 def compose_settings(words: Words) -> Settings:
     """Compose and validate the settings.
 
@@ -134,16 +147,39 @@ def _compose(words: Words) -> dict[str, Any]:
 
 def _with_values(data: dict[str, Any], values: list[str]) -> dict[str, Any]:
     """Return the data with ``key=value`` words put in; whether a key exists is for validation to say."""
-    config = OmegaConf.create(data)
-    problems = []
+    changed, problems = deepcopy(data), []
     for word in values:
-        key, _, value = word.partition("=")
+        key, _, text = word.partition("=")
         try:
-            OmegaConf.update(config, key, yaml.safe_load(value), merge=False, force_add=True)
-        except (OmegaConfBaseException, yaml.YAMLError, ValueError, IndexError, TypeError, KeyError, AttributeError):
-            problems.append(f"{key}: {value!r} cannot be put there; is the key right, and the value valid yaml?")
+            _put(changed, key, load_value(text))
+        except ValueError as error:
+            problems.append(f"{key}: {_short(text)} cannot be put there: {error}")
     if problems:
         raise InvalidInput(problems)
-    changed = OmegaConf.to_container(config, resolve=False)
-    assert isinstance(changed, dict)
-    return {str(key): value for key, value in changed.items()}
+    return changed
+
+
+def _put(data: dict[str, Any], key: str, value: Any) -> None:
+    """Put a value at a dotted key such as ``spindle.sections[0].length_mm``; new keys are made.
+
+    Raises ValueError when the key leads into a value that holds no such part.
+    """
+    parts = [int(index) if index else name for name, index in _KEY_PART.findall(key)]
+    if "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in parts).removeprefix(".") != key:
+        raise ValueError("the key is not of the form group.key or group.list[0].key")
+    here: Any = data
+    for part, following in zip(parts, [*parts[1:], None], strict=True):
+        if isinstance(part, int) and not (isinstance(here, list) and part < len(here)):
+            raise ValueError(f"there is no entry [{part}]")
+        if isinstance(part, str) and not isinstance(here, dict):
+            raise ValueError(f"what stands there has no keys, and so no {part}")
+        if following is None:
+            here[part] = value
+        else:
+            if isinstance(part, str) and here.get(part) is None:
+                here[part] = {}
+            here = here[part]
+
+
+def _short(text: str) -> str:
+    return repr(text if len(text) <= 60 else text[:57] + "...")

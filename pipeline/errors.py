@@ -9,3 +9,7 @@ class StoreInUse(Exception):
 
 class WorkersLost(ChatterError):
     """Every worker of a cluster has gone and none came back."""
+
+
+class StorageFailed(ChatterError):
+    """A file of a store could not be written or read."""

@@ -4,7 +4,7 @@ import json
 import math
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -17,8 +17,8 @@ from chatter_core.machine import LEAST_PRELOAD, MOST_PRELOAD, Machine
 from chatter_core.reading import sentences
 from chatter_core.tip import AXES, most_modes
 from chatter_core.units import si_factor
-from chatter_core.variables import BIFURCATION, MODAL_PARAMETERS, STATUS
-from pipeline.configuration import compose_settings, sort_words
+from chatter_core.variables import BIFURCATION, STATUS
+from pipeline.configuration import compose_settings, make_folder, sort_words
 
 #: Modes kept on each axis of a spindle unless told otherwise.
 USUAL_MODES = 4
@@ -30,13 +30,13 @@ class PointOptions(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     spindle_speed_rpm: float = Field(gt=0, le=1e6, description="spindle speed")
-    axial_depth_mm: float = Field(gt=0, le=1e4, description="axial depth of cut")
+    axial_depth_mm: float = Field(ge=1e-6, le=1e4, description="axial depth of cut")
     preload_n: float | None = Field(
         default=None, ge=LEAST_PRELOAD, le=MOST_PRELOAD, description="axial preload on every single bearing"
     )
     modes: int | None = Field(default=None, ge=1, le=100, description="modes kept on each axis")
-    modal_parameters: str = Field(default="dynamic", pattern=f"^({'|'.join(MODAL_PARAMETERS)})$", description="")
-    format: str = Field(default="text", pattern="^(text|json)$", description="text or json")
+    modal_parameters: Literal["dynamic", "static"] = Field(default="dynamic", description="bearings at speed or rest")
+    format: Literal["text", "json"] = Field(default="text", description="text or json")
     output: Path | None = Field(default=None, description="folder for point.json")
 
 
@@ -53,10 +53,15 @@ def run(words: list[str]) -> int:
         if machine.spindle is None:
             raise InvalidInput(["preload_n: not allowed for a machine of measured tip modes, which knows no preload"])
         machine = machine.with_preload(options.preload_n)
-    answer = answer_point(machine, options, settings.method, settings.grid.axial_depth_mm.points())
+    if options.output is not None:
+        make_folder(options.output)
+    try:
+        answer = answer_point(machine, options, settings.method, settings.grid.axial_depth_mm.points())
+    except InvalidInput as error:
+        # The chain speaks of mode_count, which is called modes here.
+        raise InvalidInput([problem.replace("mode_count:", "modes:", 1) for problem in error.problems]) from None
     text = json.dumps(answer, indent=2)
     if options.output is not None:
-        options.output.mkdir(parents=True, exist_ok=True)
         (options.output / "point.json").write_text(text + "\n")
     print(text if options.format == "json" else _readable(answer, options))
     if answer["status"] != "ok":

@@ -43,7 +43,11 @@ class PageTable:
 
 def run(words: list[str]) -> int:
     """Write the report of a folder again; return the exit code."""
-    options = sort_words(words, ("output",)).options
+    sorted_words = sort_words(words, ("output",))
+    foreign = [*sorted_words.choices, *sorted_words.values, *(["machine"] if sorted_words.machine_file else [])]
+    if foreign:
+        raise InvalidInput([f"{word}: not for report, which takes output=DIR alone" for word in foreign])
+    options = sorted_words.options
     if "output" not in options:
         raise InvalidInput(["output: missing; needed: the folder of a computed study"])
     output = Path(options["output"])
@@ -57,12 +61,16 @@ def run(words: list[str]) -> int:
 def write(output: Path) -> list[Path]:
     """Write tables, figures and report.html of the store in a folder; return the paths."""
     path = output / "lobes.zarr"
+    store.check(path)
     try:
         with store.open_lobes(path) as opened:
             lobes = opened.load()
     except (ValueError, RuntimeError, KeyError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InvalidInput([f"{path}: cannot be read, a part is missing or damaged: {reason}"]) from None
+    hollow = int(((lobes["status"] == STATUS["ok"]) & lobes["spectral_radius"].isnull()).sum())
+    if hollow:
+        raise InvalidInput([f"{path}: {hollow} cells count as computed but hold no result; the same sweep heals them"])
     preload = _shown_preload(lobes)
     written = [*tables.write(lobes, output / "tables"), *figures.write(lobes, output / "figures", preload)]
     pictures = [path for path in written if path.suffix == ".png"]

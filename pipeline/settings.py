@@ -2,13 +2,14 @@
 
 import hashlib
 import json
+import re
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from chatter_core.floquet import MethodSettings
-from chatter_core.machine import LEAST_PRELOAD, MOST_PRELOAD, Machine
+from chatter_core.machine import LEAST_PRELOAD, MOST_PRELOAD, Machine, no_truth_value
 from chatter_core.variables import MODAL_PARAMETERS
 
 #: Raised when the meaning of what a store holds changes.
@@ -22,12 +23,17 @@ class Part(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth_values(cls, value: Any) -> Any:
+        return no_truth_value(value)
+
 
 class Axis(Part):
     """Axis of a grid: start, stop and count, or a list of values; ascending."""
 
-    start: float | None = Field(default=None, description="first value")
-    stop: float | None = Field(default=None, description="last value")
+    start: float | None = Field(default=None, ge=-1e12, le=1e12, description="first value")
+    stop: float | None = Field(default=None, ge=-1e12, le=1e12, description="last value")
     count: Annotated[int, Field(ge=1, le=1_000_000)] | None = Field(default=None, description="number of values")
     values: Annotated[tuple[float, ...], Field(min_length=1, max_length=1_000_000)] | None = Field(
         default=None, description="the values themselves, ascending"
@@ -36,9 +42,10 @@ class Axis(Part):
     @model_validator(mode="before")
     @classmethod
     def _list_or_number(cls, given: Any) -> Any:
-        numbers = given if isinstance(given, list | tuple) else [given]
-        if any(isinstance(number, bool) for number in numbers):
-            raise ValueError("found a truth value, a number is needed")
+        if given is None:
+            raise ValueError("found nothing, allowed: a number, a list of numbers, or start, stop and count")
+        for number in given if isinstance(given, list | tuple) else [given]:
+            no_truth_value(number)
         if isinstance(given, list | tuple):
             return {"values": given}
         return {"values": [given]} if isinstance(given, int | float | str) else given
@@ -52,7 +59,9 @@ class Axis(Part):
         if points[0] <= 0.0:
             raise ValueError(f"found {points[0]:g}, allowed: more than 0")
         if np.any(np.diff(points) <= 0.0):
-            raise ValueError("values must ascend, none of them twice (start below stop)")
+            at = int(np.argmax(np.diff(points) <= 0.0))
+            found = f"found {points[at + 1]:g} after {points[at]:g}"
+            raise ValueError(f"values must ascend, none of them twice (start below stop); {found}")
         return self
 
     def points(self) -> np.ndarray:
@@ -80,17 +89,23 @@ class Grid(Part):
     def _is_a_grid(self) -> Self:
         counts = self.mode_count.points()
         if np.any(counts != np.rint(counts)) or counts[-1] > 100:
-            raise ValueError("mode_count: allowed: whole numbers from 1 to 100")
+            raise ValueError(f"mode_count: found {_listed(counts)}, allowed: whole numbers from 1 to 100")
         if len(set(self.modal_parameters)) < len(self.modal_parameters):
-            raise ValueError(f"modal_parameters: allowed: {', '.join(MODAL_PARAMETERS)}, each once")
+            found = ", ".join(self.modal_parameters)
+            raise ValueError(f"modal_parameters: found {found}, allowed: {', '.join(MODAL_PARAMETERS)}, each once")
         if self.preload_n is not None:
             preloads = self.preload_n.points()
             if preloads[0] < LEAST_PRELOAD or preloads[-1] > MOST_PRELOAD:
-                raise ValueError(f"preload_n: allowed: {LEAST_PRELOAD:g} to {MOST_PRELOAD:g}")
-        if self.spindle_speed_rpm.points()[-1] > 1e6:
-            raise ValueError("spindle_speed_rpm: allowed: at most 1e6")
-        if self.axial_depth_mm.points()[-1] > 1e4:
-            raise ValueError("axial_depth_mm: allowed: at most 1e4")
+                found = f"{preloads[0]:g} to {preloads[-1]:g}"
+                raise ValueError(f"preload_n: found {found}, allowed: {LEAST_PRELOAD:g} to {MOST_PRELOAD:g}")
+        for name, axis, most in (
+            ("spindle_speed_rpm", self.spindle_speed_rpm, 1e6),
+            ("axial_depth_mm", self.axial_depth_mm, 1e4),
+        ):
+            if axis.points()[-1] > most:
+                raise ValueError(f"{name}: found {axis.points()[-1]:g}, allowed: at most {most:g}")
+        if self.axial_depth_mm.points()[0] < 1e-6:
+            raise ValueError(f"axial_depth_mm: found {self.axial_depth_mm.points()[0]:g}, allowed: at least 1e-6")
         axes = (self.spindle_speed_rpm, self.axial_depth_mm, self.mode_count, self.preload_n)
         cells = len(self.modal_parameters) * int(np.prod([len(axis.points()) for axis in axes if axis], dtype=object))
         if cells > MOST_CELLS:
@@ -112,6 +127,8 @@ class Cluster(Part):
     def _keys_belong_to_kind(self) -> Self:
         if (self.kind == "address") != (self.address is not None):
             raise ValueError("address: needed for kind 'address', and only there (tcp://host:port)")
+        if self.address is not None and not re.fullmatch(r"(tcp|tls|ws|wss)://[^\s/:]+:[0-9]{1,5}", self.address):
+            raise ValueError(f"address: found {self.address!r}, allowed: tcp://host:port (or tls, ws, wss)")
         if self.workers is not None and self.kind in ("serial", "address"):
             raise ValueError(f"workers: not allowed for kind '{self.kind}'")
         return self
@@ -155,6 +172,11 @@ class Settings(Part):
         """Return a digest of the scientific settings."""
         canonical = json.dumps(self.scientific(), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def _listed(points: np.ndarray) -> str:
+    shown = ", ".join(f"{point:g}" for point in points[:8])
+    return f"[{shown}{', ...' if len(points) > 8 else ''}]"
 
 
 def differing_keys(one: dict[str, Any], other: dict[str, Any]) -> list[str]:

@@ -23,6 +23,7 @@ from zarr.codecs import Crc32cCodec, ZstdCodec
 from zarr.errors import ZarrUserWarning
 
 from chatter_core.chain import structure_variables
+from chatter_core.errors import InvalidInput
 from chatter_core.lobes import CROSSINGS, LobeBlock
 from chatter_core.tip import AXES
 from chatter_core.units import SUFFIXES
@@ -164,8 +165,7 @@ def _array(
 
 def chunks(group: zarr.Group) -> list[Chunk]:
     """Return every chunk of a store, in the order in which they are computed."""
-    status = group["status"]
-    assert isinstance(status, zarr.Array)
+    status = _array_of(group, "status")
     speeds, block = status.shape[OUTER], int(str(group.attrs["speeds_per_chunk"]))
     return [
         Chunk(outer=(outer[0], outer[1], outer[2]), first=first, last=min(first + block, speeds))
@@ -176,9 +176,7 @@ def chunks(group: zarr.Group) -> list[Chunk]:
 
 def status_of(group: zarr.Group, chunk: Chunk) -> np.ndarray:
     """Return the status of a chunk's cells (speed, depth)."""
-    status = group["status"]
-    assert isinstance(status, zarr.Array)
-    return np.asarray(status[chunk.region])
+    return np.asarray(_array_of(group, "status")[chunk.region])
 
 
 @lru_cache(maxsize=4)
@@ -191,19 +189,80 @@ def write_chunk(path: Path, chunk: Chunk, block: LobeBlock) -> None:
     """Write every variable of a chunk, its status last."""
     group = open_group(path)
     for name, variable in SWEEP.items():
-        array = group[name]
-        assert isinstance(array, zarr.Array)
+        # Written even where it is empty (a speed without a limit depth), so that a lost file is noticed.
+        array = _array_of(group, name).with_config({"write_empty_chunks": True})
         array[chunk.region] = getattr(block, name) / variable.si_factor if variable.suffix else getattr(block, name)
-    status = group["status"]
-    assert isinstance(status, zarr.Array)
-    status[chunk.region] = block.status
+    _array_of(group, "status")[chunk.region] = block.status
 
 
 def mark_chunk(path: Path, chunk: Chunk, code: int) -> None:
     """Give every cell of a chunk a status, without results."""
-    status = open_group(path)["status"]
-    assert isinstance(status, zarr.Array)
-    status[chunk.region] = code
+    _array_of(open_group(path), "status")[chunk.region] = code
+
+
+def check(path: Path) -> zarr.Group:
+    """Open a store for reading and return it, when it has every array and attribute that a sweep gives it.
+
+    Raises InvalidInput, naming what is missing or damaged.
+    """
+    try:
+        group = zarr.open_group(path, mode="r", use_consolidated=False)
+        _check_parts(group)
+    except (ValueError, TypeError, AttributeError, KeyError, OSError, RuntimeError) as error:
+        reason = str(error).strip("'\"").splitlines()[0] if str(error) else type(error).__name__
+        raise InvalidInput(
+            [f"{path}: the store is damaged beyond its chunks: {reason}; choose another folder with output=DIR"]
+        ) from None
+    return group
+
+
+def _check_parts(group: zarr.Group) -> None:
+    attributes = group.attrs.asdict()
+    for name, kind in (("fingerprint", str), ("settings", dict), ("speeds_per_chunk", int), ("history", list)):
+        if not isinstance(attributes.get(name), kind):
+            raise ValueError(f"attribute {name} is missing or not as it was written")
+    if int(str(attributes["speeds_per_chunk"])) < 1:
+        raise ValueError("attribute speeds_per_chunk is not as it was written")
+    sizes = {name: len(_whole(group, name)) for name in COORDINATES}
+    for name, variable in {**STRUCTURE, **SWEEP, "status": CELL_STATUS}.items():
+        if name not in group or _array_of(group, name).shape != tuple(sizes[dim] for dim in variable.dims):
+            raise ValueError(f"variable {name} is missing or not as it was written")
+    for name in STRUCTURE:
+        _whole(group, name)
+
+
+def _whole(group: zarr.Group, name: str) -> np.ndarray:
+    """Read an array in one piece; raise ValueError naming it when that fails."""
+    try:
+        return np.asarray(_array_of(group, name)[...])
+    except (ValueError, RuntimeError, KeyError, TypeError) as error:
+        raise ValueError(f"{name} cannot be read ({str(error).splitlines()[0]})") from None
+
+
+def _array_of(group: zarr.Group, name: str) -> zarr.Array[Any]:
+    array = group[name]
+    assert isinstance(array, zarr.Array)
+    return array
+
+
+def lost_part(path: Path, group: zarr.Group, chunk: Chunk) -> str | None:
+    """Return the variable of a computed chunk whose file is gone, None when all are there."""
+    block = int(str(group.attrs["speeds_per_chunk"]))
+    for name, variable in SWEEP.items():
+        place = [*chunk.outer, chunk.first // block, *(0 for _ in variable.dims[OUTER + 1 :])]
+        if not (path / name / "c").joinpath(*map(str, place)).exists():
+            return name
+    return None
+
+
+def unreadable_part(group: zarr.Group, chunk: Chunk) -> str | None:
+    """Return the variable of a chunk that cannot be read back, None when all can."""
+    for name in (*SWEEP, "status"):
+        try:
+            _array_of(group, name)[chunk.region]
+        except (ValueError, RuntimeError):  # checksum, decompression
+            return name
+    return None
 
 
 def clear_partial(path: Path) -> None:

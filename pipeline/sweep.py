@@ -7,7 +7,7 @@ import socket
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -25,8 +25,8 @@ from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS
 from pipeline import report, store
 from pipeline.cluster import WORKER_PATIENCE, open_client, worker_count
-from pipeline.configuration import compose_settings, sort_words
-from pipeline.errors import StoreInUse, WorkersLost
+from pipeline.configuration import compose_settings, make_folder, sort_words
+from pipeline.errors import StorageFailed, StoreInUse, WorkersLost
 from pipeline.progress import Journal, Meter
 from pipeline.settings import Settings, differing_keys
 from pipeline.task import KERNEL, Record, Task, compute_chunk
@@ -85,14 +85,16 @@ def execute(
     signal. Raises InvalidInput when the folder holds another study, StoreInUse when another run
     works on it.
     """
-    path = output / "lobes.zarr"
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InvalidInput([f"output: {output} cannot be used as a folder: {error.strerror}"]) from None
+    path, existed = output / "lobes.zarr", output.exists()
+    make_folder(output)
     # One thread here as in every worker: the order of summation, and so the last digit, stays the same.
     with _locked(output), threadpool_limits(1):
-        _prepare(settings, output, path, argv or [])
+        try:
+            _prepare(settings, output, path, argv or [])
+        except InvalidInput:
+            if not existed:
+                _remove_empty(output)
+            raise
         journal = Journal(output / "journal.jsonl")
         journal.write("start", argv=argv or [], pid=os.getpid(), host=socket.gethostname())
         try:
@@ -102,7 +104,21 @@ def execute(
             again = f"python -m pipeline sweep {' '.join(argv)}" if argv else "the same command"
             print(f"stopped; nothing is lost. Go on with: {again}", file=sys.stderr)
             return 128 + stop.number
+        except OSError as error:
+            # The disk is full, or the folder has gone away: what was computed before is in the store.
+            raise StorageFailed(
+                f"{error.filename or path}: {error.strerror or error}; what was computed is kept, "
+                "the same command goes on once there is room"
+            ) from None
         return _finish(output, path, journal)
+
+
+def _remove_empty(output: Path) -> None:
+    """Remove the folder that was made for a run which then was refused."""
+    with suppress(OSError):
+        for name in (".lock", "lock.json"):
+            (output / name).unlink(missing_ok=True)
+        output.rmdir()
 
 
 @contextmanager
@@ -119,6 +135,8 @@ def _locked(output: Path) -> Iterator[None]:
         except (OSError, ValueError, KeyError):
             who = "another process"
         raise StoreInUse(f"{output}: in use by {who}; wait for it, or choose another folder with output=DIR") from None
+    except OSError as error:
+        raise InvalidInput([f"output: {output} cannot be written: {error.strerror}"]) from None
     try:
         holder.write_text(json.dumps({"pid": os.getpid(), "host": socket.gethostname(), "since": store.now()}))
         yield
@@ -131,7 +149,7 @@ def _prepare(settings: Settings, output: Path, path: Path, argv: list[str]) -> N
     """Create the store, or check that the one that is there belongs to these settings."""
     record = output / "settings.yaml"
     if record.exists() and path.exists():
-        existing: dict[str, Any] = dict(zarr.open_group(path, mode="r").attrs)
+        existing: dict[str, Any] = store.check(path).attrs.asdict()
         if existing.get("fingerprint") != settings.fingerprint():
             wanted = json.loads(json.dumps(settings.scientific()))
             keys = differing_keys(existing.get("settings", {}), wanted)
@@ -149,27 +167,37 @@ def _prepare(settings: Settings, output: Path, path: Path, argv: list[str]) -> N
 def _compute(settings: Settings, path: Path, journal: Journal, retry_failed: bool, kernel: str) -> None:
     group = store.open_group(path)
     every = store.chunks(group)
-    pending = [chunk for chunk in every if _is_pending(_readable_status(group, chunk), retry_failed)]
+    pending = [chunk for chunk in every if _is_pending(path, group, chunk, retry_failed)]
     cells = {chunk: (chunk.last - chunk.first) * _depths(group) for chunk in every}
     total, done = sum(cells.values()), sum(cells.values()) - sum(cells[chunk] for chunk in pending)
     if not pending:
         return
     _append_history(group, f"{store.now()} {len(pending)} of {len(every)} chunks to compute")
     tasks = [Task(store=path.resolve(), chunk=chunk, kernel=kernel) for chunk in pending]
-    with _signals() as stopping, open_client(settings.cluster) as client, Meter(total, done) as meter:
-        results = _serial(tasks, stopping) if client is None else _distributed(tasks, client, stopping)
-        for record in results:
-            journal.write(
-                "chunk",
-                outer=list(record.chunk.outer),
-                speeds=[record.chunk.first, record.chunk.last],
-                counts=record.counts,
-                seconds=round(record.seconds, 4),
-                **({"errors": list(record.errors)} if record.errors else {}),
-            )
-            meter.advance(cells[record.chunk])
+    with _signals() as stopping:
+        try:
+            with open_client(settings.cluster) as client, Meter(total, done) as meter:
+                results = _serial(tasks, stopping) if client is None else _distributed(tasks, client, stopping)
+                for record in results:
+                    _note(journal, record)
+                    meter.advance(cells[record.chunk])
+        except RuntimeError as error:
+            # A signal that went to the whole process group has taken workers that were about to start.
+            if not stopping.number:
+                raise WorkersLost(f"cluster: the workers could not be started: {error}") from error
         if stopping.number:
             raise Stopped(stopping.number)
+
+
+def _note(journal: Journal, record: Record) -> None:
+    journal.write(
+        "chunk",
+        outer=list(record.chunk.outer),
+        speeds=[record.chunk.first, record.chunk.last],
+        counts=record.counts,
+        seconds=round(record.seconds, 4),
+        **({"errors": list(record.errors)} if record.errors else {}),
+    )
 
 
 def _readable_status(group: zarr.Group, chunk: store.Chunk) -> np.ndarray:
@@ -180,9 +208,11 @@ def _readable_status(group: zarr.Group, chunk: store.Chunk) -> np.ndarray:
         return np.zeros((chunk.last - chunk.first, _depths(group)), dtype=np.uint8)
 
 
-def _is_pending(status: np.ndarray, retry_failed: bool) -> bool:
-    failed = bool((status > STATUS["ok"]).any())
-    return bool((status == STATUS["pending"]).any()) or (retry_failed and failed)
+def _is_pending(path: Path, group: zarr.Group, chunk: store.Chunk, retry_failed: bool) -> bool:
+    status = _readable_status(group, chunk)
+    if (status == STATUS["pending"]).any() or (retry_failed and (status > STATUS["ok"]).any()):
+        return True
+    return bool((status == STATUS["ok"]).any()) and store.lost_part(path, group, chunk) is not None
 
 
 def _depths(group: zarr.Group) -> int:
@@ -300,6 +330,23 @@ def _alone(task: Task, client: Client) -> Record:
     return Record(chunk=task.chunk, counts={"worker_lost": lost}, seconds=0.0, errors=(text,))
 
 
+def _mark_damaged(path: Path, group: zarr.Group) -> None:
+    """Mark chunks that cannot be read as pending; raise InvalidInput naming them when there are any."""
+    damaged = [(chunk, store.unreadable_part(group, chunk)) for chunk in store.chunks(group)]
+    damaged = [(chunk, part) for chunk, part in damaged if part is not None]
+    for chunk, _ in damaged:
+        store.mark_chunk(path, chunk, STATUS["pending"])
+    if damaged:
+        group.attrs["complete"] = False
+        where = ", ".join(f"{part} of speeds {chunk.first} to {chunk.last - 1}" for chunk, part in damaged[:4])
+        raise InvalidInput(
+            [
+                f"{path}: {len(damaged)} chunks are damaged ({where}) and count as pending now; "
+                "the same command computes them again"
+            ]
+        )
+
+
 def _finish(output: Path, path: Path, journal: Journal) -> int:
     """Write the report and say what there is; return the exit code."""
     group = store.open_group(path)
@@ -310,7 +357,11 @@ def _finish(output: Path, path: Path, journal: Journal) -> int:
     counts = {name: int(tally[code]) for name, code in STATUS.items() if tally[code]}
     failed = {name: count for name, count in counts.items() if name != "ok"}
     group.attrs["complete"] = "pending" not in counts
-    written = report.write(output)
+    try:
+        written = report.write(output)
+    except InvalidInput:
+        _mark_damaged(path, group)
+        raise
     journal.write("end", counts=counts)
     print(f"store:   {path}")
     for file in written:

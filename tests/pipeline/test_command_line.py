@@ -1,6 +1,7 @@
 """The command line: answers, exit codes, and one clear message for every bad input."""
 
 import json
+import os
 
 import pytest
 import yaml
@@ -92,15 +93,26 @@ GOOD = {"steel": STEEL, "balls": "19", "length": "length_mm: 66.0", "diameter": 
     [
         ({"balls": "30"}, "bearing: 30 balls of 8.731 mm do not fit on a pitch circle of 60 mm: allowed at most 21"),
         ({"balls": "19.5"}, "bearing.ball_count: found 19.5, allowed: a whole number"),
-        ({"balls": "yes"}, "bearing.ball_count: found true, a number or word is needed"),
-        ({"diameter": "-14.5"}, "spindle.sections[0].outer_diameter_mm: found -14.5, allowed: more than 0.0"),
+        ({"balls": "true"}, "bearing.ball_count: found true, a number or word is needed"),
+        ({"diameter": "-14.5"}, "spindle.sections[0].outer_diameter_mm: found -14.5, allowed: at least 0.1"),
         ({"diameter": ".nan"}, "spindle.sections[0].outer_diameter_mm: found nan, allowed: a finite number"),
         ({"length": "length_m: 0.066"}, "spindle.sections[0].length_m: unknown key; did you mean length_mm?"),
         ({"length": "length_mm: 66 mm"}, "spindle.sections[0].length_mm: found '66 mm', allowed: a finite number"),
         ({"rear": "500.0"}, "bearings[1].position_mm 500 lies outside the rotor, which ends at 366 mm"),
         ({"rear": "[1"}, "no valid yaml"),
         ({"rear": "1.0, position_mm: 2.0"}, "key 'position_mm' stands twice"),
-        ({"rear": "!!python/object/apply:os.system ['true']"}, "no valid yaml"),
+        ({"rear": "!!python/object/apply:os.system ['true']"}, "no valid yaml: a tag"),
+        ({"rear": "!!float abc"}, "no valid yaml: a tag"),
+        ({"rear": "2024-13-45"}, "spindle.bearings[1].position_mm: found '2024-13-45', allowed: a finite number"),
+        ({"rear": "0x_"}, "position_mm: found '0x_', allowed: a finite number"),
+        ({"rear": "60:0.0"}, "position_mm: found '60:0.0', allowed: a finite number"),
+        ({"rear": "9" * 5000}, "position_mm: found inf, allowed: a finite number"),
+        ({"balls": "9" * 5000}, "bearing.ball_count: found inf, allowed: a finite number"),
+        ({"rear": '"${oops"'}, "position_mm: found '${oops', allowed: a finite number"),
+        ({"rear": "[" * 300 + "]" * 300}, "nested too deeply"),
+        ({"rear": "&here 300, count: *here"}, "an alias (*name) is not allowed"),
+        ({"rear": "100.5"}, "two seats are nearer than 1 mm"),
+        ({"steel": STEEL.replace("206.0", "1e-300")}, "youngs_modulus_gpa: found 1e-300, allowed: at least 0.001"),
     ],
 )
 def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path):
@@ -132,7 +144,22 @@ def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path
         (["sweep", "grid.axial_depth_mm=[]"], ["grid.axial_depth_mm"]),
         (["sweep", "grid.axial_depth_mm=[2,1]"], ["grid.axial_depth_mm: values must ascend"]),
         (["sweep", "grid.spindle_speed_rpm=[0,100]"], ["grid.spindle_speed_rpm: found 0, allowed: more than 0"]),
-        (["sweep", "grid.mode_count=[1.5]"], ["mode_count: allowed: whole numbers from 1 to 100"]),
+        (["sweep", "grid.axial_depth_mm=[1,2,2]"], ["found 2 after 2"]),
+        (["sweep", "grid.spindle_speed_rpm=null"], ["spindle_speed_rpm: found nothing, allowed: a number, a list"]),
+        (["sweep", "grid.spindle_speed_rpm.count=true"], ["count: found true, a number or word is needed"]),
+        (["sweep", "grid.spindle_speed_rpm=&a [1, *a]"], ["an alias (*name) is not allowed"]),
+        (["sweep", "grid.spindle_speed_rpm=" + "[" * 2000], ["nested too deeply"]),
+        (["sweep", "spindle.sections[9].length_mm=1"], ["spindle.sections[9].length_mm: '1' cannot be put there"]),
+        (["sweep", "grid.mode_count=[50]", "cluster=serial"], ["mode_count: found 50, allowed at most 20"]),
+        (["sweep", "cluster=address", "cluster.address=nonsense"], ["found 'nonsense', allowed: tcp://host:port"]),
+        (["point", "spindle_speed_rpm=9000", "axial_depth_mm=1", "modes=50"], ["modes: found 50, allowed at most 20"]),
+        (
+            ["point", "spindle_speed_rpm=9000", "axial_depth_mm=1", "format=xml"],
+            ["format: found 'xml', allowed: one of"],
+        ),
+        (["report", "output=nowhere", "study=smoke"], ["study: not for report"]),
+        (["report", "output=" + "x" * 5000], ["File name too long"]),
+        (["sweep", "grid.mode_count=[1.5]"], ["mode_count: found [1.5], allowed: whole numbers from 1 to 100"]),
         (["sweep", "grid.mode_count=[99]"], ["mode_count: found 99, allowed at most"]),
         (
             ["sweep", "grid.spindle_speed_rpm.count=1000000", "grid.axial_depth_mm.count=1000000"],
@@ -163,6 +190,43 @@ def test_wrong_words_get_every_message_and_exit_code_two(words, messages, capsys
     assert "Traceback" not in captured.err
     assert all(line.startswith("error: ") for line in captured.err.splitlines())
     assert not list(tmp_path.rglob("*.zarr"))
+
+
+def test_a_wrong_entry_of_a_list_is_told_once(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["sweep", "grid.spindle_speed_rpm=[.nan]"]) == 2
+    assert capsys.readouterr().err == (
+        "error: grid.spindle_speed_rpm.values[0]: found nan, allowed: a finite number, in the unit that the key names\n"
+    )
+
+
+@pytest.mark.parametrize("words", [["grid.mode_count=[50]"], ["cluster=address", "cluster.address=nonsense"]])
+def test_what_is_refused_leaves_nothing_behind(words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["sweep", "study=smoke", "output=mine", "cluster=serial", *words]) == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_output_that_cannot_be_written_is_refused_before_anything_is_computed(capsys, tmp_path):
+    file = tmp_path / "file"
+    file.write_text("mine")
+    for words in (["sweep", "study=smoke", "cluster=serial"], POINT):
+        assert main([*words, f"output={file}"]) == 2
+        captured = capsys.readouterr()
+        assert "cannot be used as a folder" in captured.err
+        assert captured.out == ""
+    assert file.read_text() == "mine"
+
+
+def test_a_pipe_is_no_machine_file(capsys, tmp_path):
+    os.mkfifo(tmp_path / "machine.yaml")
+    assert main([*POINT, f"machine={tmp_path / 'machine.yaml'}"]) == 2
+    assert "is no file" in capsys.readouterr().err
+
+
+def test_help_is_given_wherever_it_is_asked_for(capsys):
+    assert main(["sweep", "--help"]) == 0
+    assert "study=smoke" in capsys.readouterr().out
 
 
 def test_help_and_version(capsys):

@@ -1,5 +1,7 @@
 """The store on disk: names, units, chunks and checksums."""
 
+import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +10,11 @@ import xarray as xr
 import zarr
 from zarr.codecs import Crc32cCodec
 
+from chatter_core.errors import InvalidInput
 from chatter_core.variables import CELL_STATUS, DIMENSIONS, STRUCTURE, SWEEP
-from pipeline import store
+from pipeline import report, store
 from tests.pipeline.standins import plain
-from tests.pipeline.studies import CELLS, CHUNKS, lobes, study, sweep
+from tests.pipeline.studies import CELLS, CHUNKS, journal, lobes, study, sweep
 
 LINE = ("modal_parameters", "preload", "mode_count", "spindle_speed")
 
@@ -119,3 +122,69 @@ def test_a_flipped_bit_is_detected_on_reading(tmp_path: Path, name: str) -> None
     chunk.write_bytes(damaged)
     with pytest.raises(ValueError, match=r"(?i)crc32c|checksum"):
         lobes(output)
+
+
+def file_of(output: Path, name: str) -> Path:
+    return next(file for file in sorted((output / "lobes.zarr" / name / "c").rglob("*")) if file.is_file())
+
+
+@pytest.fixture
+def copied(finished: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(finished, tmp_path / "study"))
+
+
+@pytest.mark.parametrize("name", ["spectral_radius", "limit_depth", "status"])
+def test_a_lost_chunk_is_computed_again(copied: Path, finished: Path, name: str) -> None:
+    file_of(copied, name).unlink()
+    assert sweep(copied) == 0
+    xr.testing.assert_identical(lobes(copied).drop_attrs(), lobes(finished).drop_attrs())
+    assert len(journal(copied, "chunk")) == CHUNKS + 1
+
+
+def test_a_damaged_chunk_is_named_and_healed_by_the_next_run(copied: Path, finished: Path) -> None:
+    file_of(copied, "spectral_radius").write_bytes(b"garbage")
+    with pytest.raises(InvalidInput, match=r"1 chunks are damaged \(spectral_radius of speeds 0 to 1\)"):
+        sweep(copied)
+    assert sweep(copied) == 0
+    xr.testing.assert_identical(lobes(copied).drop_attrs(), lobes(finished).drop_attrs())
+
+
+def test_results_that_are_missing_are_not_reported(copied: Path) -> None:
+    file_of(copied, "spectral_radius").unlink()
+    with pytest.raises(InvalidInput, match="8 cells count as computed but hold no result"):
+        report.write(copied)
+
+
+@pytest.mark.parametrize(
+    ("part", "content"),
+    [
+        ("zarr.json", ""),
+        ("zarr.json", "[]"),
+        ("zarr.json", "null"),
+        ("status/zarr.json", None),
+        ("spectral_radius/zarr.json", None),
+        ("spindle_speed", None),
+        ("preload/c/0", "garbage"),
+    ],
+)
+def test_a_store_without_its_frame_is_refused_with_the_reason(copied: Path, part: str, content: str | None) -> None:
+    damaged = copied / "lobes.zarr" / part
+    if content is not None:
+        damaged.write_text(content)
+    elif damaged.is_dir():
+        shutil.rmtree(damaged)
+    else:
+        damaged.unlink()
+    for use in (sweep, report.write):
+        with pytest.raises(InvalidInput, match="the store is damaged beyond its chunks"):
+            use(copied)
+
+
+@pytest.mark.parametrize("attribute", ["history", "settings", "speeds_per_chunk", "fingerprint"])
+def test_a_store_without_an_attribute_is_refused(copied: Path, attribute: str) -> None:
+    file = copied / "lobes.zarr" / "zarr.json"
+    frame = json.loads(file.read_text())
+    del frame["attributes"][attribute]
+    file.write_text(json.dumps(frame))
+    with pytest.raises(InvalidInput, match=f"attribute {attribute} is missing"):
+        sweep(copied)

@@ -59,7 +59,7 @@ def changed(machine, **parts):
     ("part", "change", "message"),
     [
         ("spindle", {"bearings": [{"position_mm": 104.0}]}, "at least two seats"),
-        ("spindle", {"bearings": [{"position_mm": 104.0}, {"position_mm": 104.0}]}, "share one position_mm"),
+        ("spindle", {"bearings": [{"position_mm": 104.0}, {"position_mm": 104.0}]}, "two seats are nearer than 1 mm"),
         ("spindle", {"damping": {"kind": "modal", "mass_coefficient_1_s": 1.0}}, "missing: ratio; not allowed: mass"),
         ("spindle", {"damping": {"kind": "modal", "ratio": 1.2}}, "less than 1"),
         ("tool", {"helix_angle_deg": 90.0}, "less than 80"),
