@@ -75,6 +75,8 @@ def open_client(cluster: Cluster) -> Iterator[Client | None]:
     if cluster.kind == "serial":
         yield None
         return
+    # What an event loop has left unanswered when its workers are gone is no news to anybody.
+    logging.getLogger("asyncio").setLevel(logging.CRITICAL)
     options = {
         "distributed.worker.daemon": True,
         "distributed.admin.low-level-log-length": 0,

@@ -181,10 +181,12 @@ def _compute(settings: Settings, path: Path, journal: Journal, retry_failed: boo
                 for record in results:
                     _note(journal, record)
                     meter.advance(cells[record.chunk])
-        except RuntimeError as error:
-            # A signal that went to the whole process group has taken workers that were about to start.
-            if not stopping.number:
+        except (RuntimeError, OSError) as error:
+            # A signal that went to the whole process group may have taken the workers along.
+            if not stopping.number and isinstance(error, RuntimeError):
                 raise WorkersLost(f"cluster: the workers could not be started: {error}") from error
+            if not stopping.number:
+                raise
         if stopping.number:
             raise Stopped(stopping.number)
 
