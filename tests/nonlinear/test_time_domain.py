@@ -1,0 +1,124 @@
+"""The predicted boundary against cutting in the time domain, on the reference machine.
+
+Four modes on each axis, helix 30 degrees, four teeth, down-milling: see ``simulation`` for what is
+simulated and whose model it is. The tool cuts from rest. What a tooth period changes of the modes'
+states tells: it dies out where the cut is stable and settles on the motion that every tooth repeats;
+where it chatters it grows until teeth lose contact, and goes on.
+
+At 0.93 of the predicted limit depth the cut has to be stable, at 1.07 it has to chatter. More than
+that: while nothing loses contact, the decay and growth per tooth period is the logarithm of the
+spectral radius.
+"""
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lsim
+
+from chatter_core.chain import structure
+from chatter_core.cutting import engagement, force_coefficients
+from chatter_core.lobes import evaluate, lobe_block
+from tests.conftest import COLLOCATION
+from tests.nonlinear.simulation import Cutter, ModalSteps, simulate
+
+#: Successive teeth that differ by more than this [m] have lost contact: an eighth of the feed.
+LOST_CONTACT = 10e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """Of every case (case,): logarithm of the predicted radius, of the simulated growth, and the end [m]."""
+
+    predicted: NDArray[np.float64]
+    growth: NDArray[np.float64]
+    amplitude: NDArray[np.float64]
+
+
+def cut(machine, rpm, share, *, periods, steps, slices=8) -> Outcome:
+    """Predict the limit depth at every speed and cut at a share of it."""
+    speed = np.array(rpm) * 2.0 * math.pi / 60.0
+    depths = np.linspace(0.2e-3, 6.0e-3, 30)
+    limit = lobe_block(
+        machine,
+        spindle_speed=speed,
+        axial_depth=depths,
+        mode_count=4,
+        modal_parameters="dynamic",
+        method=COLLOCATION,
+    ).limit_depth[:, 0]
+    built = structure(machine, speed, mode_count=4)
+    depth, every = share * limit, np.arange(len(speed))
+    stability = evaluate(machine, built, every, depth, COLLOCATION, np.full(len(speed), 1.5))
+    force, arc, modes = force_coefficients(machine.cutting, machine.tool), engagement(machine.process), built.modes
+    ends = simulate(
+        Cutter(
+            teeth=machine.tool.teeth,
+            diameter=machine.tool.diameter,
+            helix_angle=machine.tool.helix_angle,
+            entry=arc.entry,
+            exit=arc.exit,
+            feed_per_tooth=machine.process.feed_per_tooth,
+            tangential=force.tangential,
+            radial=force.radial,
+        ),
+        modes=(modes.natural_frequency, modes.damping_ratio, modes.modal_mass, modes.axis),
+        spindle_speed=speed,
+        axial_depth=depth,
+        periods=periods,
+        steps=steps,
+        slices=slices,
+    )
+    change = np.diff(ends, axis=0)
+    energy = modes.modal_mass * (change[..., 1] ** 2 + modes.natural_frequency**2 * change[..., 0] ** 2)
+    last = slice(int(0.6 * periods), None)
+    logarithm = 0.5 * np.log(energy.sum(axis=-1))[last]
+    growth = np.polynomial.polynomial.polyfit(np.arange(len(logarithm)), logarithm, 1)[1]
+    amplitude = np.abs(change[-20:, :, :, 0]).sum(axis=-1).max(axis=0)
+    return Outcome(predicted=np.log(stability.spectral_radius), growth=growth, amplitude=amplitude)
+
+
+#: Slow spindles take many steps to a tooth period and forget in few; fast ones the other way round.
+RANGES = pytest.mark.parametrize(
+    ("rpm", "periods", "steps"),
+    [([4000.0, 6000.0, 8000.0, 10000.0], 160, 250), ([12000.0, 14500.0, 18000.0, 20000.0, 23000.0], 600, 120)],
+    ids=["slow", "fast"],
+)
+
+
+@RANGES
+def test_cuts_are_stable_below_the_predicted_limit(rpm, periods, steps, reference_machine):
+    found = cut(reference_machine, rpm, 0.93, periods=periods, steps=steps)
+    assert np.all(found.growth < 0.0)
+    assert np.all(found.amplitude < LOST_CONTACT)
+    # Steps, slices and what is left of faster transients change the decay by a tenth at most.
+    assert found.growth == pytest.approx(found.predicted, rel=0.1, abs=1e-4)
+
+
+@RANGES
+def test_cuts_chatter_above_the_predicted_limit(rpm, periods, steps, reference_machine):
+    found = cut(reference_machine, rpm, 1.07, periods=periods, steps=steps)
+    assert np.all(found.predicted > 0.0)
+    still_growing = found.growth > 0.5 * found.predicted
+    assert np.all(still_growing | (found.amplitude > LOST_CONTACT))
+    # Faster than predicted nothing can grow; losing contact only slows it.
+    assert np.all(found.growth < 1.2 * found.predicted)
+
+
+def test_the_simulated_modes_answer_a_force_as_another_program_says():
+    """scipy.signal.lsim holds forces linear between its samples too: rounding alone is left."""
+    frequency, damping, mass, step = 2.0 * math.pi * 500.0, 0.03, 0.4, 1e-4
+    modal = ModalSteps(
+        np.array([[frequency]]), np.array([[damping]]), np.array([[mass]]), np.array([1]), np.array([step])
+    )
+    force = np.random.default_rng(4).normal(size=40)
+    state, found = np.zeros((1, 1, 2)), [0.0]
+    for now, following in itertools.pairwise(force):
+        state = modal.advance(state, np.array([[9.9, now]]), np.array([[-3.0, following - now]]))
+        found.append(float(modal.tip(state)[0, 1]))
+    system = ([1.0 / mass], [1.0, 2.0 * damping * frequency, frequency**2])
+    _, expected, _ = lsim(system, force, step * np.arange(40), interp=True)
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
