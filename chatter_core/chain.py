@@ -37,27 +37,35 @@ class Structure:
 
 
 def structure(
-    machine: Machine, spindle_speed: Array, *, mode_count: int, modal_parameters: str = "dynamic"
+    machine: Machine,
+    spindle_speed: Array,
+    *,
+    mode_count: int,
+    modal_parameters: str = "dynamic",
+    mode_selection: str = "up_to",
 ) -> Structure:
     """Return bearing state and tip modes at every speed (speed,) [rad/s].
 
-    ``mode_count`` is the number of modes kept on each axis. ``modal_parameters`` is ``dynamic``
-    (bearings at the spindle's speed) or ``static`` (bearings at standstill, whatever the speed).
+    ``mode_count`` is the number of modes kept on each axis, or with ``mode_selection`` ``only`` the
+    number of the one mode that is kept alone. ``modal_parameters`` is ``dynamic`` (bearings at the
+    spindle's speed) or ``static`` (bearings at standstill, whatever the speed).
 
     Raises InvalidInput when the machine has fewer modes than asked for.
     """
     bearing_speed = spindle_speed if modal_parameters == "dynamic" else np.zeros_like(spindle_speed)
+    bearing, solved = None, np.ones(len(spindle_speed), dtype=bool)
     if machine.tip is not None:
         modes = tip.measured_modes(machine.tip, bearing_speed, mode_count)
-        return Structure(
-            spindle_speed=spindle_speed, bearing=None, modes=modes, solved=np.ones(len(spindle_speed), dtype=bool)
-        )
-    assert machine.bearing is not None
-    assert machine.spindle is not None
-    path, place = path_to(bearing_speed)
-    states = axisymmetric_state(machine.bearing, machine.spindle.preload, path, machine.spindle.preload_type)
-    modes = _spindle_modes(machine.spindle, path, states, mode_count).at(place)
-    return Structure(spindle_speed=spindle_speed, bearing=states.at(place), modes=modes, solved=states.solved[place])
+    else:
+        assert machine.bearing is not None
+        assert machine.spindle is not None
+        path, place = path_to(bearing_speed)
+        states = axisymmetric_state(machine.bearing, machine.spindle.preload, path, machine.spindle.preload_type)
+        modes = _spindle_modes(machine.spindle, path, states, mode_count).at(place)
+        bearing, solved = states.at(place), states.solved[place]
+    if mode_selection == "only":
+        modes = modes.alone(mode_count)
+    return Structure(spindle_speed=spindle_speed, bearing=bearing, modes=modes, solved=solved)
 
 
 def _spindle_modes(described: Spindle, path: Array, states: BearingState, mode_count: int) -> tip.TipModes:

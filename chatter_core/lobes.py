@@ -98,6 +98,7 @@ def lobe_block(
     mode_count: int,
     modal_parameters: str,
     method: MethodSettings,
+    mode_selection: str = "up_to",
 ) -> LobeBlock:
     """Compute the lobes of a block of speeds (speed,) [rad/s] on a grid of depths (depth,) [m].
 
@@ -107,7 +108,13 @@ def lobe_block(
 
     Raises InvalidInput when the machine has fewer modes than ``mode_count``.
     """
-    built = structure(machine, spindle_speed, mode_count=mode_count, modal_parameters=modal_parameters)
+    built = structure(
+        machine,
+        spindle_speed,
+        mode_count=mode_count,
+        modal_parameters=modal_parameters,
+        mode_selection=mode_selection,
+    )
     grid, refinement, error = _resolved_grid(machine, built, axial_depth, method)
     limits, at_limit = _limit_depths(machine, built, axial_depth, grid, method, refinement)
     shape = (len(spindle_speed), len(axial_depth))

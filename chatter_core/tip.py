@@ -47,6 +47,17 @@ class TipModes:
         over_speed = ("natural_frequency", "damping_ratio", "modal_mass", "tracking_confidence")
         return replace(self, **{name: getattr(self, name)[speeds] for name in over_speed})
 
+    def alone(self, label: int) -> "TipModes":
+        """Return the one mode of each axis that bears a number."""
+        kept = np.flatnonzero(self.label == label)
+        over_speed = ("natural_frequency", "damping_ratio", "modal_mass", "tracking_confidence")
+        return replace(
+            self,
+            axis=self.axis[kept],
+            label=self.label[kept],
+            **{name: getattr(self, name)[:, kept] for name in over_speed},
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class StateSpace:

@@ -14,6 +14,7 @@ from pipeline.errors import StoreInUse
 VERBS = {
     "sweep": "compute a grid of operating points into a store, with lobes, tables, figures and report",
     "point": "the whole chain at one operating point",
+    "paper": "the paper's findings on the reference machine: figures P1 to P9 and a table of what holds",
     "report": "write tables, figures and report of a computed study again",
 }
 
@@ -39,6 +40,7 @@ options of verbs
   sweep   output=DIR, retry_failed=true
   point   spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static,
           format=text|json, output=DIR
+  paper   output=DIR
   report  output=DIR
 
 exit codes: 0 all well, 1 some points failed and are marked, 2 bad input, 3 store in use

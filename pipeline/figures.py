@@ -64,7 +64,7 @@ def lobes_static_and_dynamic(lobes: xr.Dataset, preload: float) -> Figure:
         )
     shown = limit.isel(modal_parameters=0)
     axes.fill_between(shown["spindle_speed"], 0.0, shown.fillna(float(lobes["axial_depth"].max())), color=STABLE)
-    _finish(axes, lobes, f"{_preload_label(lobes, preload)}{modes} modes an axis")
+    _finish(axes, lobes, f"{_preload_label(lobes, preload)}{modes_label(lobes, modes)}")
     return figure
 
 
@@ -75,7 +75,7 @@ def lobes_by_preload(lobes: xr.Dataset, preload: float) -> Figure:
     limit = stability_limit(lobes).isel(modal_parameters=0).sel(mode_count=modes)
     for colour, value in zip(cycle(COLOURS), limit["preload"].values, strict=False):
         _boundary(axes, limit.sel(preload=value), color=colour, label=f"{value:g} N")
-    _finish(axes, lobes, f"{_parameters(lobes)} parameters, {modes} modes an axis")
+    _finish(axes, lobes, f"{_parameters(lobes)} parameters, {modes_label(lobes, modes)}")
     return figure
 
 
@@ -84,10 +84,15 @@ def lobes_by_mode_count(lobes: xr.Dataset, preload: float) -> Figure:
     figure, axes = _panel("Stability lobes by number of modes")
     limit = stability_limit(lobes).isel(modal_parameters=0).sel(preload=preload)
     for colour, value in zip(cycle(COLOURS), limit["mode_count"].values, strict=False):
-        label = "mode 1 alone" if value == 1 else f"modes 1 to {value}"
-        _boundary(axes, limit.sel(mode_count=value), color=colour, label=label)
+        _boundary(axes, limit.sel(mode_count=value), color=colour, label=modes_label(lobes, int(value)))
     _finish(axes, lobes, f"{_preload_label(lobes, preload)}{_parameters(lobes)} parameters")
     return figure
+
+
+def modes_label(lobes: xr.Dataset, number: int) -> str:
+    """Return which modes a value of the dimension ``mode_count`` stands for."""
+    alone = lobes.attrs["settings"]["grid"]["mode_selection"] == "only"
+    return f"mode {number} alone" if alone or number == 1 else f"modes 1 to {number}"
 
 
 def map_of_spectral_radius(lobes: xr.Dataset, preload: float) -> Figure:
@@ -106,7 +111,7 @@ def map_of_spectral_radius(lobes: xr.Dataset, preload: float) -> Figure:
     )
     _contour(axes, radius)
     figure.colorbar(mesh, ax=axes, label="spectral radius (stable below 1)", ticks=RADIUS_LEVELS)
-    _finish(axes, lobes, f"{_preload_label(lobes, preload)}{modes} modes an axis, black: radius 1", legend=False)
+    _finish(axes, lobes, f"{_preload_label(lobes, preload)}{modes_label(lobes, modes)}, black: radius 1", legend=False)
     return figure
 
 
@@ -129,7 +134,7 @@ def map_of_dominant_mode(lobes: xr.Dataset, preload: float) -> Figure:
     )
     _contour(axes, radius)
     figure.colorbar(mesh, ax=axes, label="mode", ticks=np.arange(1, modes + 1))
-    _finish(axes, lobes, f"{_preload_label(lobes, preload)}{modes} modes an axis, black: radius 1", legend=False)
+    _finish(axes, lobes, f"{_preload_label(lobes, preload)}{modes_label(lobes, modes)}, black: radius 1", legend=False)
     return figure
 
 

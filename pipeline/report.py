@@ -154,7 +154,11 @@ def _limits_table(lobes: xr.Dataset, preload: float) -> PageTable:
     limit = stability_limit(lobes).sel(preload=preload)
     step = max(1, -(-limit.sizes["spindle_speed"] // PAGE_ROWS))
     chosen = limit.isel(spindle_speed=slice(None, None, step)).transpose("spindle_speed", ...)
-    columns = [f"{p}, {m} modes" for p in limit["modal_parameters"].values for m in limit["mode_count"].values]
+    columns = [
+        f"{parameters}, {figures.modes_label(lobes, int(number))}"
+        for parameters in limit["modal_parameters"].values
+        for number in limit["mode_count"].values
+    ]
     rows = [
         [
             f"{float(row['spindle_speed']):.0f}",

@@ -35,6 +35,7 @@ class Axis(Part):
     start: float | None = Field(default=None, ge=-1e12, le=1e12, description="first value")
     stop: float | None = Field(default=None, ge=-1e12, le=1e12, description="last value")
     count: Annotated[int, Field(ge=1, le=1_000_000)] | None = Field(default=None, description="number of values")
+    spacing: Literal["linear", "geometric"] = Field(default="linear", description="equal steps, or equal ratios")
     values: Annotated[tuple[float, ...], Field(min_length=1, max_length=1_000_000)] | None = Field(
         default=None, description="the values themselves, ascending"
     )
@@ -55,6 +56,8 @@ class Axis(Part):
         regular = [self.start, self.stop, self.count]
         if regular.count(None) != (0 if self.values is None else 3):
             raise ValueError("an axis takes either start, stop and count, or a list of values")
+        if self.spacing == "geometric" and (self.values is not None or min(self.start or 0.0, self.stop or 0.0) <= 0.0):
+            raise ValueError("spacing geometric needs start, stop and count, all of them more than 0")
         points = self.points()
         if points[0] <= 0.0:
             raise ValueError(f"found {points[0]:g}, allowed: more than 0")
@@ -71,7 +74,10 @@ class Axis(Part):
         assert self.start is not None
         assert self.stop is not None
         assert self.count is not None
-        return np.linspace(self.start, self.stop, self.count) if self.count > 1 else np.array([self.start])
+        if self.count == 1:
+            return np.array([self.start])
+        between = np.linspace if self.spacing == "linear" else np.geomspace
+        return np.asarray(between(self.start, self.stop, self.count))
 
 
 class Grid(Part):
@@ -81,6 +87,9 @@ class Grid(Part):
     axial_depth_mm: Axis = Field(description="axial depths")
     preload_n: Axis | None = Field(default=None, description="preloads; without it the spindle's own")
     mode_count: Axis = Field(description="numbers of modes kept on each axis")
+    mode_selection: Literal["up_to", "only"] = Field(
+        default="up_to", description="a number of modes means all modes up to it, or that one mode alone"
+    )
     modal_parameters: tuple[Literal["dynamic", "static"], ...] = Field(
         default=("dynamic",), min_length=1, max_length=2, description="bearings at speed, at standstill, or both"
     )

@@ -34,7 +34,7 @@ OUTER = 3  # dimensions before the speed: modal parameters, preload, mode count
 COORDINATES = {
     "modal_parameters": ("", "bearings at the spindle's speed (dynamic) or at standstill (static)"),
     "preload": ("n", "axial preload on every single bearing"),
-    "mode_count": ("", "number of modes kept on each axis"),
+    "mode_count": ("", "modes kept on each axis: up to this number, or this one alone (settings, grid.mode_selection)"),
     "spindle_speed": ("rpm", "spindle speed"),
     "axial_depth": ("mm", "axial depth of cut"),
     "crossing": ("", "crossing of the boundary, from the shallowest: stability is lost at odd, regained at even ones"),

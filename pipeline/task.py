@@ -45,13 +45,17 @@ class Record:
 
 
 @lru_cache(maxsize=4)
-def _described(path: Path) -> tuple[Machine, MethodSettings, dict[str, np.ndarray]]:
-    """Return machine, method and coordinates as the store holds them, once a process."""
+def _described(path: Path) -> tuple[Machine, dict[str, Any], dict[str, np.ndarray]]:
+    """Return machine, what all chunks have in common and coordinates as the store holds them, once a process."""
     group = store.open_group(path)
     settings = cast(dict[str, Any], group.attrs["settings"])
     names = ("modal_parameters", "preload", "mode_count", "spindle_speed", "axial_depth")
     values = {name: np.asarray(cast(Any, group[name])[...]) for name in names}
-    return Machine.model_validate(settings["machine"]), MethodSettings.model_validate(settings["method"]), values
+    common = {
+        "method": MethodSettings.model_validate(settings["method"]),
+        "mode_selection": settings["grid"]["mode_selection"],
+    }
+    return Machine.model_validate(settings["machine"]), common, values
 
 
 def compute_chunk(task: Task) -> Record:
@@ -61,7 +65,7 @@ def compute_chunk(task: Task) -> Record:
     Errors of writing are not caught: they end the run.
     """
     began = time.perf_counter()
-    machine, method, values = _described(task.store)
+    machine, common, values = _described(task.store)
     parameters, preload, modes = (
         values[name][i] for name, i in zip(("modal_parameters", "preload", "mode_count"), task.chunk.outer, strict=True)
     )
@@ -79,7 +83,7 @@ def compute_chunk(task: Task) -> Record:
             axial_depth=depth,
             mode_count=int(modes),
             modal_parameters=str(parameters),
-            method=method,
+            **common,
         )
 
     block, errors = _guarded(compute, speed, len(depth))

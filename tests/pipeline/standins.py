@@ -18,7 +18,7 @@ BAD_SPEED = 9000.0
 
 
 def plain(
-    machine: Any, *, spindle_speed: Any, axial_depth: Any, mode_count: int, modal_parameters: str, method: Any
+    machine: Any, *, spindle_speed: Any, axial_depth: Any, mode_count: int, modal_parameters: str, **_: Any
 ) -> LobeBlock:
     """Return numbers that depend on every coordinate of a cell and on nothing else."""
     preload = machine.spindle.preload if machine.spindle else 0.0

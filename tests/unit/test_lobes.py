@@ -10,6 +10,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.floquet import MethodSettings
 from chatter_core.following import PATH_STEP, follow_modes, path_to
 from chatter_core.lobes import evaluate, evaluate_to_tolerance, lobe_block
+from chatter_core.machine import Machine, Tip
 from chatter_core.variables import BIFURCATION, STATUS
 from tests.conftest import COLLOCATION
 
@@ -203,3 +204,30 @@ def test_modes_that_exchange_their_order_keep_their_number():
     index, confidence = follow_modes(path, shapes, 2)
     assert [list(row) for row in index] == [[0, 1], [0, 1], [0, 1], [1, 0], [1, 0]]
     assert np.all(confidence == 1.0)
+
+
+def test_a_mode_alone_is_the_machine_of_that_mode(reference_machine):
+    """Mode 3 alone gives the lobes of a machine whose tip was measured to have that mode and no other."""
+    speed, depth = np.array([9000.0, 15000.0]) * RPM, np.linspace(0.5e-3, 8e-3, 6)
+    modes = structure(reference_machine, np.zeros(1), mode_count=4).modes
+    measured = [
+        {
+            "axis": axis,
+            "natural_frequency_hz": modes.natural_frequency[0, 2] / (2.0 * np.pi),
+            "damping_ratio": modes.damping_ratio[0, 2],
+            "stiffness_n_um": modes.modal_stiffness[0, 2] * 1e-6,
+        }
+        for axis in "xy"
+    ]
+    alone = Machine(
+        tip=Tip.model_validate({"modes": measured}),
+        tool=reference_machine.tool,
+        cutting=reference_machine.cutting,
+        process=reference_machine.process,
+    )
+    kept = {"modal_parameters": "static", "method": COLLOCATION, "spindle_speed": speed, "axial_depth": depth}
+    found = lobe_block(reference_machine, mode_count=3, mode_selection="only", **kept)
+    expected = lobe_block(alone, mode_count=1, **kept)
+    assert found.spectral_radius == pytest.approx(expected.spectral_radius, rel=1e-9)
+    assert np.all(found.dominant_mode == 3)
+    assert np.all(expected.dominant_mode == 1)

@@ -1,0 +1,173 @@
+"""The paper's findings on this model: studies, figures P1 to P9 and a table of what holds."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from threadpoolctl import threadpool_limits
+
+from chatter_core.bearing import axisymmetric_state
+from chatter_core.chain import structure_variables
+from chatter_core.errors import InvalidInput
+from chatter_core.floquet import MethodSettings
+from chatter_core.lobes import lobe_block
+from chatter_core.machine import Machine
+from chatter_core.units import SUFFIXES
+from chatter_core.variables import STRUCTURE
+from pipeline import paper_figures, store, sweep
+from pipeline.configuration import Words, compose_settings, make_folder, sort_words
+from pipeline.findings import Evidence, Finding, computing_time, findings
+from pipeline.settings import Settings
+
+#: Preloads [N] and speeds [rpm] at which a bearing is looked at alone.
+PRELOADS = (50.0, 100.0, 200.0, 400.0)
+BEARING_SPEEDS = np.linspace(0.0, 30_000.0, 61)
+#: What the bearing stage says, by preload.
+BEARING = (
+    "inner_contact_angle",
+    "outer_contact_angle",
+    "centrifugal_force",
+    "gyroscopic_moment",
+    "radial_stiffness",
+    "axial_stiffness",
+)
+MODES = ("natural_frequency", "damping_ratio", "modal_stiffness", "modal_mass")
+#: Methods whose time for one lobe diagram is told; the second is the paper's.
+TIMED = {
+    "this program's default method": MethodSettings(name="collocation", tolerance=1e-4),
+    "the paper's method": MethodSettings(name="semi_discretization", order=0, intervals=40),
+}
+STUDIES = ("together", "alone")
+
+
+def run(words: list[str]) -> int:
+    """Compute both studies of the paper, draw its figures and write what holds; return the exit code."""
+    sorted_words = sort_words(words, ("output",))
+    if "study" in sorted_words.choices or "grid" in sorted_words.choices:
+        raise InvalidInput(["study: not for paper, which has its own two; change keys of grid. instead"])
+    settings = {name: _settings(sorted_words, name) for name in STUDIES}
+    if settings["together"].machine.spindle is None:
+        raise InvalidInput(["machine: the paper's findings need bearing and spindle, found measured tip modes"])
+    output = Path(sorted_words.options.get("output", "results/paper"))
+    make_folder(output)
+    codes = [sweep.execute(settings[name], output / name, argv=words) for name in STUDIES]
+    if any(code not in (0, 1) for code in codes):
+        return max(codes)
+    lobes = {name: _opened(output / name / "lobes.zarr") for name in STUDIES}
+    evidence = gather(settings["together"], lobes["together"], lobes["alone"])
+    found = findings(evidence)
+    pictures = paper_figures.write(evidence, output / "figures")
+    page = output / "paper.md"
+    page.write_text(table(found, computing_time(evidence), pictures), encoding="utf-8")
+    for finding in found:
+        print(f"{finding.name:7} {finding.holds:8} {finding.found}")
+    for file in [*pictures, page]:
+        print(f"written: {file}")
+    return max(codes)
+
+
+def _settings(words: Words, name: str) -> Settings:
+    chosen = Words(
+        options=words.options,
+        choices={**words.choices, "study": f"paper_{name}"},
+        values=words.values,
+        machine_file=words.machine_file,
+    )
+    return compose_settings(chosen)
+
+
+def _opened(path: Path) -> xr.Dataset:
+    with store.open_lobes(path) as lobes:
+        loaded: xr.Dataset = lobes.load()
+    return loaded
+
+
+def gather(settings: Settings, together: xr.Dataset, alone: xr.Dataset) -> Evidence:
+    """Return the evidence for every claim: lobes as computed, bearing and modes from their stages."""
+    machine, preload = settings.machine, float(together["preload"][0])
+    assert machine.spindle is not None
+    return Evidence(
+        bearing=bearing_over_speed(machine),
+        modes=modes_over_speed(machine.with_preload(preload), together),
+        together=together,
+        alone=alone,
+        seconds={name: _seconds(settings, preload, method) for name, method in TIMED.items()},
+    )
+
+
+def bearing_over_speed(machine: Machine) -> xr.Dataset:
+    """Return the state of one bearing over preload and speed, in the units of the border."""
+    assert machine.bearing is not None
+    states = [
+        axisymmetric_state(machine.bearing, preload, BEARING_SPEEDS * SUFFIXES["rpm"][0], "constant")
+        for preload in PRELOADS
+    ]
+    for state in states:
+        state.require_solved()
+    return xr.Dataset(
+        {
+            name: (
+                ("preload", "spindle_speed"),
+                np.array([getattr(state, name) for state in states]) / STRUCTURE[name].si_factor,
+                {"units": STRUCTURE[name].unit, "long_name": STRUCTURE[name].doc},
+            )
+            for name in BEARING
+        },
+        coords={"preload": list(PRELOADS), "spindle_speed": BEARING_SPEEDS},
+    )
+
+
+def modes_over_speed(machine: Machine, lobes: xr.Dataset) -> xr.Dataset:
+    """Return the tip modes from standstill to the lobes' highest speed, x axis, in the units of the border."""
+    speeds = np.linspace(0.0, float(lobes["spindle_speed"].max()), 97)
+    numbers = lobes["mode"].values
+    found = structure_variables(machine, speeds * SUFFIXES["rpm"][0], mode_count=int(numbers[-1]))
+    return xr.Dataset(
+        {
+            name: (
+                ("spindle_speed", "mode"),
+                found[name][:, 0] / STRUCTURE[name].si_factor,
+                {"units": STRUCTURE[name].unit, "long_name": STRUCTURE[name].doc},
+            )
+            for name in MODES
+        },
+        coords={"spindle_speed": speeds, "mode": numbers},
+    )
+
+
+def _seconds(settings: Settings, preload: float, method: MethodSettings) -> float:
+    """Return the seconds of one lobe diagram with all modes, in this process on one core."""
+    grid = settings.grid
+    with threadpool_limits(1):
+        began = time.perf_counter()
+        lobe_block(
+            settings.machine.with_preload(preload),
+            spindle_speed=grid.spindle_speed_rpm.points() * SUFFIXES["rpm"][0],
+            axial_depth=grid.axial_depth_mm.points() * SUFFIXES["mm"][0],
+            mode_count=int(grid.mode_count.points()[-1]),
+            modal_parameters="dynamic",
+            method=method,
+        )
+        return time.perf_counter() - began
+
+
+def table(found: list[Finding], seconds: str, pictures: list[Path]) -> str:
+    """Return the findings as a page of Markdown."""
+    lines = [
+        "# What the paper reports, and what this model says to it",
+        "",
+        '"Effects of spindle speed-dependent dynamic characteristics of ball bearing and multi-modes on the stability '
+        "of milling processes\", on the reference machine. The paper's own geometry and cutting data are incomplete; "
+        "findings are compared in kind.",
+        "",
+        "| | the paper | found here | holds |",
+        "| --- | --- | --- | --- |",
+        *(f"| {f.name} | {f.claim} | {f.found} | {f.holds} |" for f in found),
+        "",
+        *(line for f in found if f.why for line in (f"{f.name}: {f.why}", "")),
+        seconds,
+        "",
+        *(line for picture in pictures for line in (f"![{picture.stem}](figures/{picture.name})", "")),
+    ]
+    return "\n".join(lines)
