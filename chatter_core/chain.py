@@ -51,6 +51,8 @@ def structure(
     spindle's speed) or ``static`` (bearings at standstill, whatever the speed).
 
     Raises InvalidInput when the machine has fewer modes than asked for.
+
+    See docs/physics.md#tool-tip.
     """
     bearing_speed = spindle_speed if modal_parameters == "dynamic" else np.zeros_like(spindle_speed)
     bearing, solved = None, np.ones(len(spindle_speed), dtype=bool)
@@ -101,6 +103,8 @@ def milling_equation(
     """Return the delay equation of the cut at operating points.
 
     speed_index: (point,) index into the structure's speeds; axial_depth: (point,) [m], positive.
+
+    See docs/physics.md#delay-equation.
     """
     gain = cutting.CuttingGain(
         axial_depth=axial_depth,
@@ -129,6 +133,8 @@ def structure_variables(
 
     Arrays are (speed,), (speed, axis, mode) or (speed, mode); NaN where a machine of measured
     modes has no bearing, or an axis has no such mode.
+
+    See docs/physics.md#tool-tip.
     """
     result = structure(machine, spindle_speed, mode_count=mode_count, modal_parameters=modal_parameters)
     arrays: dict[str, Array] = {}

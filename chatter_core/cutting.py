@@ -45,6 +45,8 @@ def force_coefficients(cutting: Cutting, tool: Tool) -> ForceCoefficients:
 
     k1 = k_n / cos(helix), k2 = 1 + tan(helix) mu (cos(rake) - k_n sin(rake)).
     Source: equation 23 of the paper named above.
+
+    See docs/physics.md#cutting.
     """
     k1 = cutting.kn / math.cos(tool.helix_angle)
     k2 = 1.0 + math.tan(tool.helix_angle) * cutting.friction_coefficient * (
@@ -56,7 +58,10 @@ def force_coefficients(cutting: Cutting, tool: Tool) -> ForceCoefficients:
 
 
 def engagement(process: Process) -> Engagement:
-    """Return the engagement of up, down and slot milling."""
+    """Return the engagement of up, down and slot milling.
+
+    See docs/physics.md#cutting.
+    """
     chord = 1.0 - 2.0 * process.radial_immersion
     if process.direction == "up":
         return Engagement(entry=0.0, exit=math.acos(chord))

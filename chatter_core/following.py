@@ -22,6 +22,8 @@ def path_to(spindle_speed: Array) -> tuple[Array, NDArray[np.intp]]:
     """Return a path of speeds (path,) [rad/s] from standstill, and the place of each speed on it.
 
     The path holds every multiple of the step up to the highest speed, and the speeds themselves.
+
+    See docs/physics.md#modes-through-speed.
     """
     steps = np.arange(int(np.floor(spindle_speed.max(initial=0.0) / PATH_STEP)) + 1) * PATH_STEP
     path, place = np.unique(np.concatenate([steps, spindle_speed]), return_inverse=True)
@@ -37,6 +39,8 @@ def follow_modes(path: Array, shapes: Array, mode_count: int) -> tuple[NDArray[n
 
     Returns the index of each followed mode at each speed, and the least assurance met on the way
     to it, both (speed, mode_count).
+
+    See docs/physics.md#modes-through-speed.
     """
     reach = min(mode_count + SPARE_MODES, shapes.shape[-1])
     index = np.empty((len(path), mode_count), dtype=np.intp)

@@ -39,6 +39,8 @@ def elliptic_contact(difference: float) -> EllipticContact:
 
     Solves F(rho) = ((kappa^2 + 1) E - 2 K) / ((kappa^2 - 1) E) for the ratio kappa of the semi-axes.
     Valid for 0 < F(rho) < 0.9999. Source: Harris and Kotzalas (2007), chapter 6.
+
+    See docs/physics.md#contact.
     """
 
     def mismatch(log_ratio: float) -> float:
@@ -61,13 +63,18 @@ def race_curvature(ball_diameter: float, conformity: float, across: float) -> Cu
     ``conformity`` is groove radius over ball diameter; ``across`` is the race's own curvature in the
     rolling direction times the ball diameter, 2 g / (1 - g) for the inner and -2 g / (1 + g) for the
     outer race with g = D cos(alpha) / d_m. Source: Harris and Kotzalas (2007), chapter 2.
+
+    See docs/physics.md#contact.
     """
     total = 4.0 - 1.0 / conformity + across
     return Curvature(sum=total / ball_diameter, difference=(1.0 / conformity + across) / total)
 
 
 def load_deflection_factor(curvature: Curvature, ball: Material, ring: Material) -> float:
-    """Return K of Q = K delta^1.5 for one contact [N/m^1.5]; ball and ring may differ in material."""
+    """Return K of Q = K delta^1.5 for one contact [N/m^1.5]; ball and ring may differ in material.
+
+    See docs/physics.md#contact.
+    """
     compliance = (1.0 - ball.poisson_ratio**2) / ball.youngs_modulus + (
         1.0 - ring.poisson_ratio**2
     ) / ring.youngs_modulus

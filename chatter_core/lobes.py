@@ -107,6 +107,8 @@ def lobe_block(
     Crossings are bracketed by the grid, so of two within one step of depth none is seen.
 
     Raises InvalidInput when the machine has fewer modes than ``mode_count``.
+
+    See docs/physics.md#lobes.
     """
     built = structure(
         machine,
@@ -146,6 +148,8 @@ def evaluate(
     """Evaluate operating points: speed_index (point,) into the structure, axial_depth (point,) [m].
 
     refinement: (point,), multiplies the method's resolution.
+
+    See docs/physics.md#lobes.
     """
     modes = int(built.modes.label.max())
     result = _empty(len(axial_depth), modes)
@@ -170,6 +174,8 @@ def evaluate_to_tolerance(
     """Evaluate one depth (speed,) [m] at each speed of a structure, to the method's tolerance.
 
     Returns the stability and the estimated relative error of the spectral radius (speed,).
+
+    See docs/physics.md#lobes.
     """
     results, errors = [], []
     for speed, depth in enumerate(axial_depth):

@@ -78,7 +78,10 @@ class RotorModes:
 
 
 def shear_coefficient(section: Section) -> float:
-    """Return Cowper's shear coefficient of a hollow circle [-]."""
+    """Return Cowper's shear coefficient of a hollow circle [-].
+
+    See docs/physics.md#rotor.
+    """
     nu, ratio = section.poisson_ratio, section.inner_diameter / section.outer_diameter
     squared = (1.0 + ratio**2) ** 2
     return 6.0 * (1.0 + nu) * squared / ((7.0 + 6.0 * nu) * squared + (20.0 + 12.0 * nu) * ratio**2)
@@ -89,6 +92,8 @@ def beam_element(section: Section, length: float, beam: str) -> tuple[Array, Arr
 
     ``beam`` is ``timoshenko`` (shear and rotary inertia) or ``euler_bernoulli`` (neither, and so no
     gyroscopic moment). Freedoms: deflection and slope at both ends. Source: Nelson (1980).
+
+    See docs/physics.md#rotor.
     """
     area = math.pi / 4.0 * (section.outer_diameter**2 - section.inner_diameter**2)
     inertia = math.pi / 64.0 * (section.outer_diameter**4 - section.inner_diameter**4)
@@ -143,7 +148,10 @@ def _rotation_shape(phi: float, length: float) -> Array:
 
 
 def assemble(spindle: Spindle, elements_per_rotor: int = ELEMENTS_PER_ROTOR) -> Rotor:
-    """Assemble the rotor with a node at every section border, bearing seat and disc."""
+    """Assemble the rotor with a node at every section border, bearing seat and disc.
+
+    See docs/physics.md#rotor.
+    """
     nodes, owner = _mesh(spindle, elements_per_rotor)
     mass = np.zeros((2 * len(nodes), 2 * len(nodes)))
     stiffness, gyroscopic = np.zeros_like(mass), np.zeros_like(mass)
@@ -193,6 +201,8 @@ def reduce_rotor(rotor: Rotor, kept_modes: int = KEPT_MODES) -> ReducedRotor:
     supported instead of free reference modes.
 
     Raises InvalidInput for a rotor whose stiffness is singular in double precision.
+
+    See docs/physics.md#rotor.
     """
     supported = rotor.stiffness.copy()
     supported[rotor.seats, rotor.seats] += REFERENCE_SEAT_STIFFNESS
@@ -223,6 +233,8 @@ def supported_modes(rotor: ReducedRotor, seat_stiffness: Array) -> RotorModes:
     """Solve the supported rotor for several supports at once.
 
     seat_stiffness: (support, seat) [N/m], every entry positive.
+
+    See docs/physics.md#rotor.
     """
     stiffness = rotor.stiffness + np.einsum("ps,si,sj->pij", seat_stiffness, rotor.seat, rotor.seat)
     squared, shape = np.linalg.eigh(stiffness)
@@ -239,6 +251,8 @@ def whirl_frequencies(rotor: ReducedRotor, seat_stiffness: Array, spin_speed: fl
 
     seat_stiffness: (seat,) [N/m], every entry positive; spin_speed Omega [rad/s]. Frequencies are
     those of the reduced rotor, of which the lower half is accurate. Source: Nelson (1980).
+
+    See docs/physics.md#rotor.
     """
     shapes = len(rotor.tip)
     stiffness = rotor.stiffness + np.einsum("s,si,sj->ij", seat_stiffness, rotor.seat, rotor.seat)
@@ -258,6 +272,8 @@ def direct_receptance(
     towards y. seat_stiffness: (seat,) [N/m]; frequency w: (frequency,) [rad/s], for exp(+i w t).
 
     Raises InvalidInput for damping that is not proportional: it needs modes.
+
+    See docs/physics.md#rotor.
     """
     if damping.mass_coefficient is None or damping.stiffness_coefficient is None:
         raise InvalidInput([f"damping.kind: found {damping.kind!r}, a direct receptance needs 'proportional'"])
@@ -277,7 +293,10 @@ def direct_receptance(
 
 
 def damping_ratios(damping: Damping, natural_frequency: Array) -> Array:
-    """Return the damping ratio of each mode [-]: 2 zeta w = c1 + c2 w^2, or one ratio for all."""
+    """Return the damping ratio of each mode [-]: 2 zeta w = c1 + c2 w^2, or one ratio for all.
+
+    See docs/physics.md#rotor.
+    """
     if damping.ratio is not None:
         return np.full_like(natural_frequency, damping.ratio)
     assert damping.mass_coefficient is not None

@@ -76,7 +76,10 @@ class StateSpace:
 
 
 def state_space(modes: TipModes) -> StateSpace:
-    """Write the modes as a state space."""
+    """Write the modes as a state space.
+
+    See docs/physics.md#tool-tip.
+    """
     speeds, count = modes.natural_frequency.shape
     position, velocity = np.arange(count), np.arange(count, 2 * count)
     state_matrix = np.zeros((speeds, 2 * count, 2 * count))
@@ -95,6 +98,8 @@ def receptance(modes: TipModes, frequency: Array) -> NDArray[np.complex128]:
 
     Spin speed (of ``modes``) and excitation frequency [rad/s] (frequency,) are separate axes:
     the result is (speed, frequency, output axis, input axis).
+
+    See docs/physics.md#tool-tip.
     """
     natural = modes.natural_frequency[:, None, :]
     excited = frequency[None, :, None]
@@ -109,7 +114,10 @@ def receptance(modes: TipModes, frequency: Array) -> NDArray[np.complex128]:
 
 
 def most_modes(tip: Tip) -> int:
-    """Return how many measured modes the axis has that has most."""
+    """Return how many measured modes the axis has that has most.
+
+    See docs/physics.md#tool-tip.
+    """
     speed = tip.modes[0].spindle_speed
     return max(sum(m.axis == axis for m in tip.modes if m.spindle_speed == speed) for axis in AXES)
 
@@ -122,6 +130,8 @@ def measured_modes(tip: Tip, spindle_speed: Array, mode_count: int | None = None
     each axis; an axis that has fewer keeps all of its own.
 
     Raises InvalidInput when no axis has ``mode_count`` modes.
+
+    See docs/physics.md#tool-tip.
     """
     speeds = sorted({mode.spindle_speed or 0.0 for mode in tip.modes})
     most = most_modes(tip)

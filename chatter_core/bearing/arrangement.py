@@ -58,17 +58,26 @@ class Arrangement:
 
 
 def back_to_back(bearing: Bearing, distance: float, preload: float) -> Arrangement:
-    """Return a pair ``distance`` [m] apart whose contact lines spread towards the shaft (DB, O): stiff in tilt."""
+    """Return a pair ``distance`` [m] apart whose contact lines spread towards the shaft (DB, O): stiff in tilt.
+
+    See docs/physics.md#sets-of-bearings.
+    """
     return Arrangement(bearing=bearing, position=(-distance / 2, distance / 2), direction=(1, -1), preload=preload)
 
 
 def face_to_face(bearing: Bearing, distance: float, preload: float) -> Arrangement:
-    """Return a pair ``distance`` [m] apart whose contact lines meet at the shaft (DF, X): soft in tilt."""
+    """Return a pair ``distance`` [m] apart whose contact lines meet at the shaft (DF, X): soft in tilt.
+
+    See docs/physics.md#sets-of-bearings.
+    """
     return Arrangement(bearing=bearing, position=(-distance / 2, distance / 2), direction=(-1, 1), preload=preload)
 
 
 def tandem(bearing: Bearing, distance: float, count: int = 2) -> Arrangement:
-    """Return bearings ``distance`` [m] apart that share an axial force in +z (DT)."""
+    """Return bearings ``distance`` [m] apart that share an axial force in +z (DT).
+
+    See docs/physics.md#sets-of-bearings.
+    """
     place = (np.arange(count) - (count - 1) / 2) * distance
     return Arrangement(bearing=bearing, position=tuple(place.tolist()), direction=(1,) * count, preload=0.0)
 
@@ -89,6 +98,8 @@ def displaced_arrangement(
     """Return the set with its shaft held at (d_a, d_r, theta) [m, m, rad] at z = 0.
 
     Raises as ``displaced_bearing`` does.
+
+    See docs/physics.md#sets-of-bearings.
     """
     moved = three_finite("displacement", displacement)
     states, load, stiffness = [], np.zeros(3), np.zeros((3, 3))
@@ -108,6 +119,8 @@ def loaded_arrangement(arrangement: Arrangement, load: ArrayLike, spindle_speed:
 
     Raises InvalidInput for numbers that are not finite, and NoEquilibrium where the set does not carry
     the load.
+
+    See docs/physics.md#sets-of-bearings.
     """
     wanted = three_finite("load", load)
     total = wanted + np.array([arrangement.preload, 0.0, 0.0])
@@ -129,7 +142,10 @@ def loaded_arrangement(arrangement: Arrangement, load: ArrayLike, spindle_speed:
 
 
 def preload_displacement(arrangement: Arrangement) -> Array:
-    """Return how far each inner ring is drawn in by the preload at standstill (bearing,) [m]."""
+    """Return how far each inner ring is drawn in by the preload at standstill (bearing,) [m].
+
+    See docs/physics.md#sets-of-bearings.
+    """
     if arrangement.preload == 0.0:
         return np.zeros(len(arrangement.position))
     drawn = {
@@ -146,6 +162,8 @@ def lift_off_force(arrangement: Arrangement) -> float:
 
     Over the displacement at which it does so it is the axial rigidity that catalogues print. Zero for
     a set without preload. Raises InvalidInput when no bearing faces -z.
+
+    See docs/physics.md#sets-of-bearings.
     """
     facing = [i for i, way in enumerate(arrangement.direction) if way == -1]
     if not facing:

@@ -84,6 +84,8 @@ def axisymmetric_state(
 
     Valid while every ball touches both races, for preloads from 0.1 N. Raises InvalidInput for a speed that is
     negative or not finite. Source: Jones (1960).
+
+    See docs/physics.md#preloaded-bearing.
     """
     if not np.all(np.isfinite(spindle_speed) & (spindle_speed >= 0.0)):
         raise InvalidInput(["spindle_speed: every speed of the bearing must be a finite number, at least 0"])

@@ -67,7 +67,10 @@ class Ball:
 
 
 def ball_of(bearing: Bearing) -> Ball:
-    """Return the constants of a bearing's balls; load-deflection factors at the unloaded contact angle."""
+    """Return the constants of a bearing's balls; load-deflection factors at the unloaded contact angle.
+
+    See docs/physics.md#ball.
+    """
     ratio = bearing.ball_diameter * math.cos(bearing.unloaded_contact_angle) / bearing.pitch_diameter
     inner, outer = (
         hertz.load_deflection_factor(
@@ -97,6 +100,8 @@ def unloaded_groove_distance(bearing: Bearing) -> Array:
     With radial clearance P_d (diametral) the radial part is B D - P_d / 2, B = f_i + f_o - 1; the axial
     part is what the free contact angle leaves, or zero where the balls are pressed in (P_d < 0).
     Source: Harris and Kotzalas, Essential Concepts (2007), chapter 2.
+
+    See docs/physics.md#ball.
     """
     distance = (bearing.inner_groove_conformity + bearing.outer_groove_conformity - 1.0) * bearing.ball_diameter
     angle = bearing.unloaded_contact_angle
@@ -204,6 +209,8 @@ def ball_inertia(ball: Ball, inner: Array, outer: Array, spindle_speed: Array | 
     M_g is positive as it stands in the equilibrium; the minus sign of the ball's spin in the source is
     its sense of rotation. Valid while 1 - g cos(a_i) and cos(a_i) - g stay positive.
     Source: Harris and Kotzalas (2007), chapter 2.
+
+    See docs/physics.md#ball.
     """
     g = ball.diameter_ratio
     sin_i, cos_i, sin_o, cos_o = np.sin(inner), np.cos(inner), np.sin(outer), np.cos(outer)
@@ -282,7 +289,10 @@ class BallBalance:
 
 
 def balance(ball: Ball, groove: Array, centre: Array, spindle_speed: Array | float) -> BallBalance:
-    """Return the balance of balls at ``centre`` X (..., 2) between grooves ``groove`` A (..., 2) apart [m]."""
+    """Return the balance of balls at ``centre`` X (..., 2) between grooves ``groove`` A (..., 2) apart [m].
+
+    See docs/physics.md#ball.
+    """
     inner = _contact(ball.inner_reach, ball.inner_factor, groove - centre, INNER)
     outer = _contact(ball.outer_reach, ball.outer_factor, centre, OUTER)
     inertia, by_angle = ball_inertia(ball, inner.angle, outer.angle, spindle_speed)

@@ -72,6 +72,8 @@ def displaced_bearing(bearing: Bearing, displacement: ArrayLike, spindle_speed: 
     spindle_speed [rad/s]. Raises InvalidInput for numbers that are not finite or a negative speed, and
     NoEquilibrium where a ball does not settle. Valid for displacements that leave the balls in their
     grooves. Source: Harris and Kotzalas (2007), chapter 3.
+
+    See docs/physics.md#loaded-bearing.
     """
     return _Ring(bearing, spindle_speed).at(three_finite("displacement", displacement))
 
@@ -82,6 +84,8 @@ def loaded_bearing(bearing: Bearing, load: ArrayLike, spindle_speed: float = 0.0
     Levenberg's method on the ring with the analytic Jacobian, the balls settled within.
     Raises InvalidInput for numbers that are not finite, and NoEquilibrium where no place of the ring
     carries the load: a radial force alone pushes the rings of an angular contact bearing apart.
+
+    See docs/physics.md#loaded-bearing.
     """
     wanted = three_finite("load", load)
     give, size = load_scale(bearing, wanted)
@@ -109,7 +113,10 @@ def loaded_bearing(bearing: Bearing, load: ArrayLike, spindle_speed: float = 0.0
 
 
 def load_scale(bearing: Bearing, load: Array) -> tuple[Array, Array]:
-    """Return sizes of displacement (3,) and load (3,) that make a ring's equations dimensionless."""
+    """Return sizes of displacement (3,) and load (3,) that make a ring's equations dimensionless.
+
+    See docs/physics.md#loaded-bearing.
+    """
     arm = groove_radius(bearing)
     force = max(abs(load[0]), abs(load[1]), abs(load[2]) / arm, 1e-9)
     give = (force / (bearing.ball_count * ball_of(bearing).series_factor)) ** (2.0 / 3.0)
@@ -117,7 +124,10 @@ def load_scale(bearing: Bearing, load: Array) -> tuple[Array, Array]:
 
 
 def three_finite(name: str, values: ArrayLike) -> Array:
-    """Return three finite numbers as an array; raise InvalidInput for anything else."""
+    """Return three finite numbers as an array; raise InvalidInput for anything else.
+
+    See docs/physics.md#loaded-bearing.
+    """
     array = np.array(values, dtype=float)
     if array.shape != (3,) or not np.all(np.isfinite(array)):
         raise InvalidInput([f"{name}: found {array.tolist()}, allowed: three finite numbers"])
@@ -125,7 +135,10 @@ def three_finite(name: str, values: ArrayLike) -> Array:
 
 
 def groove_radius(bearing: Bearing) -> float:
-    """Return R_i, the radius on which the inner groove's centres of curvature lie [m]."""
+    """Return R_i, the radius on which the inner groove's centres of curvature lie [m].
+
+    See docs/physics.md#loaded-bearing.
+    """
     reach = (bearing.inner_groove_conformity - 0.5) * bearing.ball_diameter
     return 0.5 * bearing.pitch_diameter + reach * math.cos(bearing.unloaded_contact_angle)
 

@@ -26,6 +26,8 @@ def damped_newton(system: System, start: Array, length: float) -> tuple[Array, N
     ``start``: (n, k) first guess; ``length``: size of the distances [m] whose rounding limits how well
     a force can be known. A step is halved until the residual falls by a tenth of what it promises.
     What one system does changes no bit of another's result.
+
+    See docs/physics.md#preloaded-bearing.
     """
     unknowns, solved = np.array(start, dtype=float), np.zeros(len(start), dtype=bool)
     active = np.arange(len(start))

@@ -39,6 +39,8 @@ def analyse(equation: DelayEquation, method: MethodSettings, refinement: Array |
     ``refinement`` multiplies the resolution of collocation.
 
     Raises UnsupportedEquation when the method does not solve such an equation.
+
+    See docs/physics.md#critical-multiplier.
     """
     monodromy: collocation.CollocationMonodromy | semi_discretization.SemiDiscretizationMonodromy
     if method.name == "collocation":

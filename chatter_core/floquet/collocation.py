@@ -131,6 +131,8 @@ def build(equation: DelayEquation, refinement: Array | float = 1.0) -> Collocati
 
     Raises UnsupportedEquation when there is not exactly one delay, equal to the period, or when the
     state matrix cannot be diagonalised.
+
+    See docs/physics.md#collocation.
     """
     delays = [feedback.delay for feedback in equation.feedback]
     if len(delays) != 1 or np.any(np.abs(delays[0] - equation.period) > DELAY_TOLERANCE * equation.period):

@@ -58,6 +58,8 @@ def critical_multiplier(monodromy: Monodromy) -> CriticalMultiplier:
 
     A point for which the largest space does not suffice, or whose motion leaves the range of floating
     point within a period, is marked, not hidden.
+
+    See docs/physics.md#critical-multiplier.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         return _critical_multiplier(monodromy)

@@ -134,6 +134,8 @@ def build(equation: DelayEquation, intervals: int, order: int) -> SemiDiscretiza
 
     A delay that is no whole number of intervals is rounded to one at order zero and kept at orders
     one and two.
+
+    See docs/physics.md#semi-discretization.
     """
     points, states = len(equation), equation.system.state_matrix.shape[-1]
     state_matrix, input_matrix, output_matrix = (

@@ -231,7 +231,7 @@ def test_help_is_given_wherever_it_is_asked_for(capsys):
 
 def test_help_and_version(capsys):
     assert main(["--help"]) == 0
-    assert "study    overnight, reference, smoke" in capsys.readouterr().out
+    assert "study    overnight, paper_alone, paper_together, reference, smoke" in capsys.readouterr().out
     assert main(["--version"]) == 0
     assert capsys.readouterr().out.strip().count(".") == 2
     assert main([]) == 2
