@@ -16,7 +16,9 @@ section II.7 (Gauss collocation, superconvergence); M. Hochbruck, A. Ostermann, 
 integrators", Acta Numerica 19 (2010) 209-286 (exact integration of the linear part).
 """
 
+import math
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Self
 
 import numpy as np
@@ -31,8 +33,10 @@ NODES = 6
 WAVES_PER_ELEMENT = 0.8
 #: An element is at most this share of the period at refinement 1, for the gain's own shape.
 LONGEST_ELEMENT = 0.34
-#: Nodes of the inner quadrature: exact to rounding for the waves an element holds.
-INNER_NODES = 12
+#: Terms of the power series of an element's integrals: exact to rounding for the waves it may hold
+#: at the least refinement.
+SERIES_TERMS = 48
+LEAST_REFINEMENT = 0.5
 #: Delay and period may differ by this share.
 DELAY_TOLERANCE = 1e-12
 
@@ -115,8 +119,8 @@ class _Elements:
 class _Tables:
     """Exact integrals over one element of each piece (point, piece, ...).
 
-    advance: exp(A h) (state, state); drive: x(h) per force at a node (state, node, input);
-    observe: w at the nodes per x_a (node, output, state); respond: w at the nodes per force at the
+    advance: exp(A h) (state, state); drive: x(h) per force at a node (state, node x input);
+    observe: w at the nodes per x_a (node x output, state); respond: w at the nodes per force at the
     nodes (node, output, node, input).
     """
 
@@ -129,8 +133,8 @@ class _Tables:
 def build(equation: DelayEquation, refinement: Array | float = 1.0) -> CollocationMonodromy:
     """Build the operator; ``refinement`` (point,) multiplies the number of elements.
 
-    Raises UnsupportedEquation when there is not exactly one delay, equal to the period, or when the
-    state matrix cannot be diagonalised.
+    Raises UnsupportedEquation when there is not exactly one delay, equal to the period, when the state
+    matrix cannot be diagonalised, or when the refinement is below LEAST_REFINEMENT.
 
     See docs/physics.md#collocation.
     """
@@ -139,8 +143,10 @@ def build(equation: DelayEquation, refinement: Array | float = 1.0) -> Collocati
         raise UnsupportedEquation(
             "collocation solves one delay equal to the period; semi_discretization takes any delays up to it"
         )
+    if not np.all(np.asarray(refinement) >= LEAST_REFINEMENT):
+        raise UnsupportedEquation(f"refinement: found {np.min(refinement):g}, allowed: at least {LEAST_REFINEMENT:g}")
     layout = _lay_out(equation, np.broadcast_to(refinement, (len(equation),)))
-    tables = _integrate(equation, layout.piece_length)
+    tables = _integrate(equation, layout.piece_length, layout.cuts)
     nodes, weights = _gauss(NODES)
     time = layout.start[..., None] + layout.length[..., None] * nodes
     gain = equation.feedback[0].gain(time)
@@ -194,44 +200,69 @@ def _gauss(count: int) -> tuple[Array, Array]:
     return 0.5 * (nodes + 1.0), 0.5 * weights
 
 
-def _lagrange(nodes: Array, at: Array) -> Array:
-    """Return the Lagrange polynomials of the nodes at points (...,): (..., node)."""
-    others = [np.delete(nodes, j) for j in range(len(nodes))]
-    return np.stack(
-        [np.prod((at[..., None] - rest) / (nodes[j] - rest), axis=-1) for j, rest in enumerate(others)], axis=-1
-    )
+@cache
+def _integral_series() -> Array:
+    """Return the power series in z of int_0^e exp(z (e - s)) l_j(s) ds for e at each node and at 1.
 
-
-def _integrate(equation: DelayEquation, length: Array) -> _Tables:
-    """Integrate the linear system exactly against the Lagrange polynomials of the nodes.
-
-    length: (point, piece), the length of an element in each piece [s].
+    l_j are the Lagrange polynomials of the nodes; the result is (end, node, term). From
+    int_0^e exp(z (e - s)) s^p ds = sum_m z^m p! e^(m + p + 1) / (m + p + 1)!.
     """
     nodes, _ = _gauss(NODES)
-    inner, weights = _gauss(INNER_NODES)
-    system, spectrum, which = equation.system, equation.system.spectrum, equation.system_index
-    seen = system.output_matrix @ spectrum.modes  # (system, output, pole)
-    driven = spectrum.inverse @ system.input_matrix  # (system, pole, input)
-    kernel = np.einsum("pok,pki->pkoi", seen, driven).reshape(*spectrum.poles.shape, -1)[which]
-    seen, driven, modes, inverse = seen[which], driven[which], spectrum.modes[which], spectrum.inverse[which]
-    exponent = spectrum.poles[which, None, :] * length[..., None]  # (point, piece, pole)
+    others = [np.delete(nodes, j) for j in range(NODES)]
+    powers = np.array(
+        [np.polynomial.polynomial.polyfromroots(rest) / np.prod(nodes[j] - rest) for j, rest in enumerate(others)]
+    )
+    ends = np.append(nodes, 1.0)
+    series = np.zeros((NODES + 1, NODES, SERIES_TERMS))
+    for term in range(SERIES_TERMS):
+        for power in range(NODES):
+            factor = math.factorial(power) / math.factorial(term + power + 1)
+            series[:, :, term] += factor * ends[:, None] ** (term + power + 1) * powers[:, power]
+    return series
 
+
+def _integrate(equation: DelayEquation, length: Array, cuts: NDArray[np.bool_]) -> _Tables:
+    """Integrate the linear system exactly against the Lagrange polynomials of the nodes.
+
+    length: (point, piece), the length of an element in each piece [s]; the integrals are found where
+    a gain acts, ``cuts`` (point, piece), and are zero elsewhere.
+    """
+    nodes, _ = _gauss(NODES)
+    half, which = equation.system.half_spectrum, equation.system_index
+    modes, inverse, seen, driven = (array[which, None] for array in (half.modes, half.inverse, half.seen, half.driven))
+    exponent = half.poles[which, None, :] * length[..., None]  # (point, piece, pole)
+    advance = _real_product(modes * np.exp(exponent)[..., None, :], inverse)
+
+    # A free flight may be long, and the series is for elements.
+    exponent *= cuts[..., None]
+    length = np.where(cuts, length, 0.0)
     grown = np.exp(exponent[..., None, :] * nodes[:, None])  # (point, piece, node, pole)
-    observe = np.einsum("pok,phnk,pks->phnos", seen, grown, inverse, optimize=True).real
-    advance = ((modes[:, None] * np.exp(exponent)[..., None, :]) @ inverse[:, None]).real
+    shown = seen[..., None, :, :] * grown[..., None, :]  # (point, piece, node, output, pole)
+    observe = _real_product(shown.reshape(*length.shape, -1, exponent.shape[-1]), inverse)
 
-    # Over the whole element: sum_q weight exp(z (1 - u_q)) l_j(u_q), and the same up to each node.
-    whole = np.exp(exponent[..., None, :] * (1.0 - inner)[:, None])
-    moments = np.einsum("phqk,q,qj->phkj", whole, weights, _lagrange(nodes, inner), optimize=True)
-    drive = np.einsum("psk,phkj,pki,ph->phsji", modes, moments, driven, length, optimize=True).real
-
-    lag = nodes[:, None] * (1.0 - inner)  # (node, inner)
-    partial = np.exp(exponent[..., None, None, :] * lag[..., None]) @ kernel[:, None, None]
-    basis = _lagrange(nodes, nodes[:, None] * inner) * (nodes[:, None] * weights)[..., None]  # (node, inner, node)
-    outputs, inputs = seen.shape[1], driven.shape[2]
-    respond = np.einsum("phnqc,nqj,ph->phncj", partial.real, basis, length, optimize=True)
-    respond = respond.reshape(*length.shape, len(nodes), outputs, inputs, len(nodes)).swapaxes(-1, -2)
+    factors = np.repeat(exponent[..., None], SERIES_TERMS, axis=-1)
+    factors[..., 0] = length[..., None]
+    terms = np.cumprod(factors, axis=-1)
+    series = _integral_series().reshape(-1, SERIES_TERMS).T
+    integrals = (terms.real @ series + 1j * (terms.imag @ series)).reshape(*exponent.shape, NODES + 1, NODES)
+    # Both end in (node, input): which node's force, in which direction.
+    whole = integrals[..., -1, :, None] * driven[..., :, None, :]
+    drive = _real_product(modes, whole.reshape(*exponent.shape, -1))
+    outputs, inputs = seen.shape[-2], driven.shape[-1]
+    kernel = (seen[..., :, None, :] * driven.swapaxes(-1, -2)[..., None, :, :]).reshape(
+        len(length), 1, -1, len(half.poles[0])
+    )
+    partial = integrals[..., :-1, :].reshape(*exponent.shape, -1)
+    respond = _real_product(kernel, partial).reshape(*length.shape, outputs, inputs, NODES, NODES)
+    respond = respond.transpose(0, 1, 4, 2, 5, 3)  # (point, piece, node, output, node, input)
     return _Tables(advance=advance, drive=drive, observe=observe, respond=respond)
+
+
+def _real_product(left: ComplexArray, right: ComplexArray) -> Array:
+    """Return the real part of a matrix product, at half its cost."""
+    wide = np.concatenate([left.real, -left.imag], axis=-1)
+    tall = np.concatenate([right.real, right.imag], axis=-2)
+    return np.asarray(wide @ tall)
 
 
 def _element_maps(tables: _Tables, layout: _Elements, gain: Array, acts: NDArray[np.bool_]) -> tuple[Array, Array]:
@@ -242,15 +273,17 @@ def _element_maps(tables: _Tables, layout: _Elements, gain: Array, acts: NDArray
     inputs, outputs = gain.shape[-2:]
     values = NODES * outputs
     # (delayed - present) w is the unknown d: d = observe x_a - delayed + respond gain d.
-    driven = np.einsum("penojb,pejbc->penojc", tables.respond[rows, layout.piece], gain)
-    implicit = np.eye(values) - driven.reshape(points, elements, values, values)
+    respond = tables.respond[rows, layout.piece].reshape(points, elements, values, NODES, inputs)
+    driven = sum(respond[..., b, None] * gain[:, :, None, :, b] for b in range(inputs))
+    implicit = np.eye(values) - np.reshape(driven, (points, elements, values, values))
     right = np.zeros((points, elements, values, states + values))
-    right[..., :states] = tables.observe[rows, layout.piece].reshape(points, elements, values, states)
+    right[..., :states] = tables.observe[rows, layout.piece]
     right[..., states:] = -np.eye(values)
     difference = np.linalg.solve(implicit, right)
-    weighted = np.einsum("penab,penbz->penaz", gain, difference.reshape(points, elements, NODES, outputs, -1))
-    force_map = weighted.reshape(points, elements, NODES * inputs, states + values)
-    drive = tables.drive[rows, layout.piece].reshape(points, elements, states, NODES * inputs)
+    split = difference.reshape(points, elements, NODES, outputs, -1)
+    weighted = sum(gain[..., b, None] * split[..., None, b, :] for b in range(outputs))
+    force_map = np.reshape(weighted, (points, elements, NODES * inputs, states + values))
+    drive = tables.drive[rows, layout.piece]
     element_map = np.empty((points, elements, states + values, states + values))
     element_map[..., :states, :] = drive @ force_map
     element_map[..., :states, :states] += tables.advance[rows, layout.piece]

@@ -32,6 +32,22 @@ class Spectrum:
 
 
 @dataclass(frozen=True, kw_only=True)
+class HalfSpectrum:
+    """One pole of each conjugate pair: sums over all poles are real parts of weighted sums over these.
+
+    poles (system, pole) [1/s]; modes (system, state, pole), already weighted, 2 for a pair, 1 for a real
+    pole and 0 for filling; inverse (system, pole, state); seen = C modes, weighted, (system, output,
+    pole); driven = modes^-1 B (system, pole, input).
+    """
+
+    poles: ComplexArray
+    modes: ComplexArray
+    inverse: ComplexArray
+    seen: ComplexArray
+    driven: ComplexArray
+
+
+@dataclass(frozen=True, kw_only=True)
 class LinearSystem:
     """The linear systems of a batch of equations; many equations may share one.
 
@@ -58,6 +74,27 @@ class LinearSystem:
             )
         return Spectrum(
             poles=poles.astype(complex), modes=modes.astype(complex), inverse=np.linalg.inv(modes).astype(complex)
+        )
+
+    @cached_property
+    def half_spectrum(self) -> HalfSpectrum:
+        """The upper half of the spectrum, with what B and C make of it, found once.
+
+        Raises UnsupportedEquation when A cannot be diagonalised.
+        """
+        spectrum = self.spectrum
+        upper = spectrum.poles.imag >= 0.0
+        kept = np.argsort(~upper, axis=1, kind="stable")[:, : int(upper.sum(axis=1).max())]
+        poles = np.take_along_axis(spectrum.poles, kept, axis=1)
+        weight = np.where(poles.imag > 0.0, 2.0, np.where(poles.imag == 0.0, 1.0, 0.0))
+        modes = np.take_along_axis(spectrum.modes, kept[:, None, :], axis=2) * weight[:, None, :]
+        inverse = np.take_along_axis(spectrum.inverse, kept[:, :, None], axis=1)
+        return HalfSpectrum(
+            poles=poles,
+            modes=modes,
+            inverse=inverse,
+            seen=self.output_matrix @ modes,
+            driven=inverse @ self.input_matrix,
         )
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from chatter_core.errors import UnsupportedEquation
 from chatter_core.floquet import DelayedFeedback, DelayEquation, LinearSystem, MethodSettings, analyse
+from chatter_core.floquet.collocation import NODES, SERIES_TERMS, _gauss, _integral_series
 from tests.conftest import COLLOCATION, milling_benchmark, oscillator
 
 METHODS = (COLLOCATION, MethodSettings(name="semi_discretization", intervals=400, order=0))
@@ -83,3 +84,28 @@ def test_a_defective_structure_is_refused():
     equation = oscillator(frequency=1.0, damping=1.0, mass=1.0, gain=0.3, period=2.0)
     with pytest.raises(UnsupportedEquation, match="cannot be diagonalised"):
         analyse(equation, COLLOCATION)
+
+
+def test_too_coarse_a_mesh_is_refused():
+    equation = oscillator(frequency=1.0, damping=0.1, mass=1.0, gain=0.3, period=2.0)
+    with pytest.raises(UnsupportedEquation, match=r"refinement: found 0.1, allowed: at least 0.5"):
+        analyse(equation, COLLOCATION, 0.1)
+
+
+def test_integrals_over_an_element_are_those_of_a_fine_quadrature():
+    """Sixty Gauss nodes integrate exp(z (e - s)) l_j(s) to rounding for |z| up to 10."""
+    nodes, _ = _gauss(NODES)
+    fine, weights = _gauss(60)
+    z = np.array([10j, -3.0 + 9.5j, 5.03j, -5.03, 0.01j])
+    found = np.einsum("enm,km->ken", _integral_series(), z[:, None] ** np.arange(SERIES_TERMS))
+    for index, end in enumerate([*nodes, 1.0]):
+        place = end * fine
+        basis = np.array(
+            [
+                np.prod([(place - nodes[k]) / (nodes[j] - nodes[k]) for k in range(NODES) if k != j], axis=0)
+                for j in range(NODES)
+            ]
+        )
+        grown = np.exp(z[:, None] * (end - place)) * weights * end
+        # Terms of up to e^10 cancel in the series: 2e4 times the rounding of one.
+        assert found[:, index] == pytest.approx(grown @ basis.T, abs=2e-11)
