@@ -6,7 +6,7 @@ STUDY  ?= reference
 ARGS   ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep point paper report test clean
+.PHONY: help run sweep point paper report bench test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -26,6 +26,9 @@ paper: $(VENV)/.installed ## the paper's findings: figures P1 to P9, and a table
 
 report: $(VENV)/.installed ## write tables, figures and page of a finished study again, by ARGS=output=DIR
 	$(BIN)/python -m pipeline report $(ARGS)
+
+bench: $(VENV)/.installed ## speed and error beside the textbook's method, into results/bench.md
+	$(BIN)/python -m benchmarks $(ARGS)
 
 test: $(VENV)/.installed-test ## style, types, import contracts and all tests
 	$(BIN)/ruff check .
