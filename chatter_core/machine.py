@@ -104,6 +104,10 @@ class Bearing(Description):
     raceway_control: Literal["outer", "inner", "hybrid"] = Field(
         default="outer", description="which race sets the ball's spin axis and holds its gyroscopic moment"
     )
+    gyroscopic_moment: Literal["published", "rigid_body", "none"] = Field(
+        default="published",
+        description="sense of the balls' gyroscopic moment: as in published tables, as rigid-body dynamics, or none",
+    )
 
     @property
     def unloaded_contact_angle(self) -> float:

@@ -269,7 +269,8 @@ def direct_receptance(
 
     Both planes with proportional damping C = c1 M + c2 K and the gyroscopic moments between them:
     (K + i w C - w^2 M) x + i w Omega G y = F_x and the same with -G for y. Spin is positive from x
-    towards y. seat_stiffness: (seat,) [N/m]; frequency w: (frequency,) [rad/s], for exp(+i w t).
+    towards y: the cutting convention, whose teeth turn from +y towards +x, has a negative one.
+    seat_stiffness: (seat,) [N/m]; frequency w: (frequency,) [rad/s], for exp(+i w t).
 
     Raises InvalidInput for damping that is not proportional: it needs modes.
 

@@ -6,7 +6,8 @@ from the outer one's (component 1 axial, 2 radial), a ball is in equilibrium whe
     Q_i u/|u| - Q_o v/|v| + (M_g/D) [l_i (-cos a_i, sin a_i) + l_o (cos a_o, -sin a_o)] + (0, F_c) = 0
 
 with Q = K delta^1.5, delta the compression along u or v, F_c the centrifugal force and M_g the
-gyroscopic moment of the ball. l_i + l_o = 2 share the moment between the races; see RACEWAY_CONTROL.
+gyroscopic moment of the ball. l_i + l_o = 2 share the moment between the races, see RACEWAY_CONTROL;
+its sense is a choice, see GYROSCOPIC_SENSE.
 
 Every function takes one ball (2,) or many (..., 2).
 
@@ -49,6 +50,7 @@ class Ball:
     mass: float
     pitch_diameter: float
     raceway_control: str
+    gyroscopic_sense: float
 
     @property
     def diameter_ratio(self) -> float:
@@ -91,6 +93,7 @@ def ball_of(bearing: Bearing) -> Ball:
         mass=bearing.ball.density * math.pi / 6.0 * bearing.ball_diameter**3,
         pitch_diameter=bearing.pitch_diameter,
         raceway_control=bearing.raceway_control,
+        gyroscopic_sense=GYROSCOPIC_SENSE[bearing.gyroscopic_moment],
     )
 
 
@@ -165,9 +168,9 @@ class _Share(NamedTuple):
     by_outer_force: Array
 
 
-def _fixed_share(share: float, inner_force: Array) -> _Share:
+def _all_at_the_outer(inner_force: Array, outer_force: Array) -> _Share:
     nothing = np.zeros_like(inner_force)
-    return _Share(np.full_like(inner_force, share), nothing, nothing)
+    return _Share(nothing, nothing, nothing)
 
 
 def _proportional_share(inner_force: Array, outer_force: Array) -> _Share:
@@ -185,14 +188,19 @@ class _Control(NamedTuple):
 
 #: By ``raceway_control``.
 #: ``outer``: no spin at the outer race, which alone holds the moment (l_i = 0, l_o = 2).
-#: ``inner``: no spin at the inner race, the moment shared evenly (l_i = l_o = 1), as Harris has it.
-#: ``hybrid``: no spin at the outer race, the moment shared in proportion to the contact forces, as
-#: two contacts on the point of sliding with one coefficient of friction would.
+#: ``inner``: no spin at the inner race, the moment shared in proportion to the contact forces, as two
+#: contacts on the point of sliding would; Harris's even share (l_i = l_o = 1) is its value where the
+#: forces are alike, and a contact that is lost holds nothing.
+#: ``hybrid``: no spin at the outer race, the moment shared as for ``inner``.
 RACEWAY_CONTROL = {
-    "outer": _Control(True, lambda inner, _: _fixed_share(0.0, inner)),
-    "inner": _Control(False, lambda inner, _: _fixed_share(1.0, inner)),
+    "outer": _Control(True, _all_at_the_outer),
+    "inner": _Control(False, _proportional_share),
     "hybrid": _Control(True, _proportional_share),
 }
+
+#: Sense in which M_g enters the balance, by ``gyroscopic_moment``: as published tables and programs have
+#: it, as the balance of angular momentum has it, or not at all. See docs/physics.md#ball.
+GYROSCOPIC_SENSE = {"published": 1.0, "rigid_body": -1.0, "none": 0.0}
 
 
 def ball_inertia(ball: Ball, inner: Array, outer: Array, spindle_speed: Array | float) -> tuple[Array, Array]:
@@ -206,8 +214,8 @@ def ball_inertia(ball: Ball, inner: Array, outer: Array, spindle_speed: Array | 
         F_c = 1/2 m d_m w^2 (w_m/w)^2,   M_g = J w^2 (w_b/w) (w_m/w) sin(beta)
         t = sin a_o / (cos a_o + g) where the outer race controls, sin a_i / (cos a_i - g) the inner
 
-    M_g is positive as it stands in the equilibrium; the minus sign of the ball's spin in the source is
-    its sense of rotation. Valid while 1 - g cos(a_i) and cos(a_i) - g stay positive.
+    M_g is its magnitude for positive angles; in which sense it enters the balance is the bearing's
+    ``gyroscopic_moment``. Valid while 1 - g cos(a_i) and cos(a_i) - g stay positive.
     Source: Harris and Kotzalas (2007), chapter 2.
 
     See docs/physics.md#ball.
@@ -301,7 +309,8 @@ def balance(ball: Ball, groove: Array, centre: Array, spindle_speed: Array | flo
     share_slope = by_inner[..., None] * inner.magnitude_slope + by_outer[..., None] * outer.magnitude_slope
 
     # The moment over the ball's diameter is a pair of friction forces across the two contacts.
-    lever, lever_slope = inertia[..., 1] / ball.diameter, slope[..., 1, :] / ball.diameter
+    arm = ball.gyroscopic_sense / ball.diameter
+    lever, lever_slope = inertia[..., 1] * arm, slope[..., 1, :] * arm
     held, held_slope = share * lever, share_slope * lever[..., None] + share[..., None] * lever_slope
     inner_friction, inner_friction_slope = _friction(inner, held, held_slope)
     outer_friction, outer_friction_slope = _friction(outer, held - 2.0 * lever, held_slope - 2.0 * lever_slope)

@@ -17,21 +17,25 @@ Concepts of Bearing Technology, 5th ed. (2007), chapters 1 and 3.
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import root
 
+from chatter_core.bearing.axisymmetric import axisymmetric_state
 from chatter_core.bearing.ball import Ball, BallBalance, balance, ball_inertia, ball_of, unloaded_groove_distance
 from chatter_core.bearing.newton import damped_newton
 from chatter_core.errors import InvalidInput, NoEquilibrium
-from chatter_core.machine import Bearing
+from chatter_core.machine import LEAST_PRELOAD, Bearing
 
 Array = NDArray[np.float64]
 
 #: Load that counts as reached, relative to the largest part of the load asked for.
 LOAD_TOLERANCE = 1e-9
+#: Options of the search for the ring's place.
+SEARCH = {"xtol": 1e-14, "maxiter": 100}
 #: Parts in which the load is raised where the full step fails, coarsest first.
 STAGES = (1, 4, 16, 64)
 #: Halvings in which the first guess of a ball's place is found; a guess needs no more digits.
@@ -95,21 +99,34 @@ def loaded_bearing(bearing: Bearing, load: ArrayLike, spindle_speed: float = 0.0
         state = ring.at(unknowns * give)
         return (state.load - share * wanted) / size, state.stiffness * give / size[:, None]
 
-    for stages in STAGES:
-        # Some play further than the load alone would press: the balls must touch for the first step.
-        unknowns = 3.0 * wanted / size
-        for share in np.arange(1, stages + 1) / stages:
-            unknowns = root(
-                mismatch, unknowns, args=(share,), jac=True, method="lm", options={"xtol": 1e-14, "maxiter": 100}
-            ).x
-        reached = ring.at(unknowns * give)
-        if np.all(np.abs(reached.load - wanted) <= LOAD_TOLERANCE * size):
-            return reached
+    for start in _first_displacements(bearing, wanted, spindle_speed):
+        for stages in STAGES:
+            unknowns = start / give
+            # A step too far may leave the grooves or the range of numbers: the next attempt takes smaller ones.
+            with suppress(NoEquilibrium), np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                for share in np.arange(1, stages + 1) / stages:
+                    unknowns = root(mismatch, unknowns, args=(share,), jac=True, method="lm", options=SEARCH).x
+                reached = ring.at(unknowns * give)
+                if np.all(np.abs(reached.load - wanted) <= LOAD_TOLERANCE * size):
+                    return reached
     raise NoEquilibrium(
         f"the bearing does not carry an axial force of {wanted[0]:g} N with a radial force of {wanted[1]:g} N and a "
         f"moment of {wanted[2]:g} N m at {spindle_speed * 30.0 / math.pi:.6g} rpm: no place of the inner ring holds "
         "them; raise the axial force or lower the others"
     )
+
+
+def _first_displacements(bearing: Bearing, load: Array, speed: float) -> list[Array]:
+    """Return first guesses of the ring's displacement: from the axial force alone, and along the load."""
+    give, size = load_scale(bearing, load)
+    # Some play further than the load alone would press: the balls must touch for the first step.
+    along = 3.0 * load / size * give
+    if load[0] < LEAST_PRELOAD:
+        return [along]
+    axial = axisymmetric_state(bearing, float(load[0]), np.array([speed]), "constant")
+    if not axial.solved[0]:
+        return [along]
+    return [np.array([axial.axial_displacement[0], *(along[1:] / 3.0)]), along]
 
 
 def load_scale(bearing: Bearing, load: Array) -> tuple[Array, Array]:
@@ -214,9 +231,10 @@ def _spinning(ball: Ball, groove: Array, speed: float, guess: Array | None) -> A
     start = _first_place(ball, groove[left], speed)
     centre[left], solved[left] = _settle(ball, groove[left], start, speed)
     for i, first in zip(left, start, strict=True):
-        if not solved[i]:
-            centre[i] = root(_one_ball(ball, groove[i], speed), first, jac=True, method="lm", options={"xtol": 1e-15}).x
-    centre, solved = _settle(ball, groove, centre, speed)
+        for guess_of_one in (first, np.array([0.0, math.hypot(*first)])):  # slid aside, or free on the outer race
+            if not solved[i]:
+                found = root(_one_ball(ball, groove[i], speed), guess_of_one, jac=True, method="lm", options=SEARCH)
+                centre[[i]], solved[[i]] = _settle(ball, groove[[i]], found.x[None], speed)
     if not solved.all():
         raise NoEquilibrium(
             f"{np.count_nonzero(~solved)} of the bearing's balls do not settle at {speed * 30.0 / math.pi:.6g} rpm"
@@ -255,7 +273,8 @@ def _first_place(ball: Ball, groove: Array, speed: float) -> Array:
         force = _force_in_line(ball, length + slack * bend**2)  # a bent line is longer
         enough = force * np.sin(bend) >= pushed * np.abs(np.sin(angle))
         low, high = np.where(enough, low, bend), np.where(enough, bend, high)
-    outer = ball.outer_reach + ((force + pushed * np.cos(angle)) / ball.outer_factor) ** (2.0 / 3.0)
+    carried = np.maximum(force + pushed * np.cos(angle), 1e-3 * pushed)
+    outer = ball.outer_reach + (carried / ball.outer_factor) ** (2.0 / 3.0)
     inner = ball.inner_reach + (force / ball.inner_factor) ** (2.0 / 3.0)
     cosine = (outer**2 + length**2 - inner**2) / (2.0 * outer * length)
     slid = angle - np.sign(angle) * np.arccos(np.clip(cosine, -1.0, 1.0))

@@ -25,12 +25,17 @@ def damped_newton(system: System, start: Array, length: float) -> tuple[Array, N
 
     ``start``: (n, k) first guess; ``length``: size of the distances [m] whose rounding limits how well
     a force can be known. A step is halved until the residual falls by a tenth of what it promises.
-    What one system does changes no bit of another's result.
+    A trial may lie where numbers end; it is refused. What one system does changes no bit of another's
+    result.
 
     See docs/physics.md#preloaded-bearing.
     """
-    unknowns, solved = np.array(start, dtype=float), np.zeros(len(start), dtype=bool)
-    active = np.arange(len(start))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return _damped_newton(system, np.array(start, dtype=float), length)
+
+
+def _damped_newton(system: System, unknowns: Array, length: float) -> tuple[Array, NDArray[np.bool_]]:
+    solved, active = np.zeros(len(unknowns), dtype=bool), np.arange(len(unknowns))
     residual, jacobian, size = system(unknowns, active)
     for _ in range(STEPS):
         allowed = FORCE_TOLERANCE * size + ROUNDING * np.abs(jacobian).max(axis=(1, 2)) * length

@@ -7,7 +7,8 @@ cut however many teeth ago that was. Angles, forces and feed as in B. Balachandr
 Soc. A 359 (2001) 793-819; surface memory as in J. Tlusty, F. Ismail, CIRP Ann. 30 (1981) 299-304.
 
 The modes take a force that is linear over a step exactly; the force at a step's end is predicted with
-the force at its beginning, so the method is of second order in the step.
+the force at its beginning. Edges enter and leave at whole steps, so the method is of first order in the
+step: halving it halves the error.
 """
 
 from dataclasses import dataclass
@@ -89,14 +90,15 @@ def simulate(
     height = axial_depth[:, None] * (np.arange(slices) + 0.5) / slices
     lag = (2.0 * height * np.tan(cutter.helix_angle) / cutter.diameter)[:, :, None]
     width = (axial_depth / slices)[:, None, None]
-    # The surface at every angle that an edge visits; where nothing was cut yet it is the blank's,
-    # as if teeth had passed without vibration before.
+    # The surface at every angle that an edge visits, at first as a tooth without vibration left it a
+    # tooth period before the first one comes there.
     places = np.arange(steps * teeth) * pitch / steps
     angles = np.mod(places[None, None, :] - lag, 2.0 * np.pi)
     sine, cosine = np.sin(angles), np.cos(angles)
     inside = (angles >= cutter.entry) & (angles <= cutter.exit)
     feed = cutter.feed_per_tooth * sine
-    surface = np.broadcast_to(-feed * np.ones((cases, 1, 1)), angles.shape).copy()
+    first_visit = (np.arange(steps * teeth) - 1) % steps + 1
+    surface = np.broadcast_to((first_visit / steps - 1.0) * feed, angles.shape).copy()
     state, force = np.zeros((cases, frequency.shape[1], 2)), np.zeros((cases, 2))
     offsets = steps * np.arange(teeth)
 

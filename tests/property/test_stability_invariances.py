@@ -26,12 +26,12 @@ CUTS = st.fixed_dictionaries(
         "teeth": st.integers(1, 6),
         "helix_deg": st.floats(0.0, 50.0),
         "immersion": st.floats(0.05, 0.95),
-        "depth_mm": st.floats(0.05, 2.0),
+        "depth_mm": st.floats(0.5, 6.0),
         "rpm": st.floats(4000.0, 20000.0),
     }
 )
 MODES = st.lists(
-    st.tuples(st.floats(300.0, 2000.0), st.floats(0.01, 0.06), st.floats(5.0, 60.0)), min_size=1, max_size=3
+    st.tuples(st.floats(300.0, 2000.0), st.floats(0.01, 0.04), st.floats(3.0, 20.0)), min_size=1, max_size=3
 )
 
 
