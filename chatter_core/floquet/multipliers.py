@@ -16,7 +16,7 @@ ComplexArray = NDArray[np.complex128]
 #: Applications before the Krylov space is begun: they remove what decays at once.
 WARM_UP = 2
 #: Sizes of the Krylov space at which the critical Ritz value is tested.
-SPACE_SIZES = (16, 20, 26, 34, 48, 72, 110)
+SPACE_SIZES = (24, 32, 44, 72, 110)
 #: Residual of the critical Ritz pair, relative to its modulus.
 RESIDUAL_TOLERANCE = 1e-9
 #: Part of an applied vector outside the space, relative to it, that counts as rounding.
