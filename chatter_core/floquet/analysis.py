@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_core.floquet import collocation, semi_discretization
+from chatter_core.floquet import compiled, semi_discretization
 from chatter_core.floquet.equation import Array, ComplexArray, DelayEquation
 from chatter_core.floquet.method import MethodSettings
 from chatter_core.floquet.multipliers import critical_multiplier
@@ -42,9 +42,9 @@ def analyse(equation: DelayEquation, method: MethodSettings, refinement: Array |
 
     See docs/physics.md#critical-multiplier.
     """
-    monodromy: collocation.CollocationMonodromy | semi_discretization.SemiDiscretizationMonodromy
+    monodromy: compiled.CompiledMonodromy | semi_discretization.SemiDiscretizationMonodromy
     if method.name == "collocation":
-        monodromy = collocation.build(equation, refinement)
+        monodromy = compiled.build(equation, refinement)
     else:
         assert method.intervals is not None
         assert method.order is not None

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from chatter_core.errors import UnsupportedEquation
 from chatter_core.floquet.equation import Array, ComplexArray, DelayEquation
+from chatter_core.floquet.multipliers import arnoldi
 
 #: Gauss nodes an element.
 NODES = 6
@@ -73,6 +74,10 @@ class CollocationMonodromy:
             state, after[:, element] = moved[:, : self.states], moved[:, self.states :]
         return np.concatenate([state, after.reshape(len(vectors), -1)], axis=1)
 
+    def krylov(self, start: Array, steps: int) -> tuple[Array, Array]:
+        """Return basis and Hessenberg matrix of Arnoldi's method, see ``multipliers.arnoldi``."""
+        return arnoldi(self.apply, np.broadcast_to(start, self.shape), steps)
+
     def select(self, points: NDArray[np.intp]) -> Self:
         """Return the operator of some of the points."""
         return replace(
@@ -101,7 +106,7 @@ class CollocationMonodromy:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Elements:
+class Elements:
     """Layout of the elements.
 
     Piece, start and length are (point, element); the length of an element in each piece, and whether
@@ -138,21 +143,10 @@ def build(equation: DelayEquation, refinement: Array | float = 1.0) -> Collocati
 
     See docs/physics.md#collocation.
     """
-    delays = [feedback.delay for feedback in equation.feedback]
-    if len(delays) != 1 or np.any(np.abs(delays[0] - equation.period) > DELAY_TOLERANCE * equation.period):
-        raise UnsupportedEquation(
-            "collocation solves one delay equal to the period; semi_discretization takes any delays up to it"
-        )
-    if not np.all(np.asarray(refinement) >= LEAST_REFINEMENT):
-        raise UnsupportedEquation(f"refinement: found {np.min(refinement):g}, allowed: at least {LEAST_REFINEMENT:g}")
-    layout = _lay_out(equation, np.broadcast_to(refinement, (len(equation),)))
+    layout, time, gain = lay_out(equation, refinement)
     tables = _integrate(equation, layout.piece_length, layout.cuts)
-    nodes, weights = _gauss(NODES)
-    time = layout.start[..., None] + layout.length[..., None] * nodes
-    gain = equation.feedback[0].gain(time)
-    rows = np.arange(len(equation))[:, None]
-    acts = layout.cuts[rows, layout.piece] & (layout.length > 0.0)
-    gain[~acts] = 0.0
+    _, weights = gauss(NODES)
+    acts = layout.cuts[np.arange(len(equation))[:, None], layout.piece] & (layout.length > 0.0)
     element_map, force_map = _element_maps(tables, layout, gain, acts)
     return CollocationMonodromy(
         element_map=element_map,
@@ -163,7 +157,32 @@ def build(equation: DelayEquation, refinement: Array | float = 1.0) -> Collocati
     )
 
 
-def _lay_out(equation: DelayEquation, refinement: Array) -> _Elements:
+def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Elements, Array, Array]:
+    """Return the elements of every point, the times of their nodes and the gain there.
+
+    Times are (point, element, node), gains (point, element, node, input, output), zero where none acts.
+
+    Raises UnsupportedEquation as ``build`` says.
+
+    See docs/physics.md#collocation.
+    """
+    delays = [feedback.delay for feedback in equation.feedback]
+    if len(delays) != 1 or np.any(np.abs(delays[0] - equation.period) > DELAY_TOLERANCE * equation.period):
+        raise UnsupportedEquation(
+            "collocation solves one delay equal to the period; semi_discretization takes any delays up to it"
+        )
+    if not np.all(np.asarray(refinement) >= LEAST_REFINEMENT):
+        raise UnsupportedEquation(f"refinement: found {np.min(refinement):g}, allowed: at least {LEAST_REFINEMENT:g}")
+    layout = _break_up(equation, np.broadcast_to(refinement, (len(equation),)))
+    nodes, _ = gauss(NODES)
+    time = layout.start[..., None] + layout.length[..., None] * nodes
+    gain = equation.feedback[0].gain(time)
+    acts = layout.cuts[np.arange(len(equation))[:, None], layout.piece] & (layout.length > 0.0)
+    gain[~acts] = 0.0
+    return layout, time, gain
+
+
+def _break_up(equation: DelayEquation, refinement: Array) -> Elements:
     """Break the period at the breakpoints and cut every piece in which a gain acts into elements."""
     begin = np.sort(equation.breakpoints, axis=1)
     end = np.concatenate([begin[:, 1:], begin[:, :1] + equation.period[:, None]], axis=1)
@@ -185,7 +204,7 @@ def _lay_out(equation: DelayEquation, refinement: Array) -> _Elements:
     rows = np.arange(len(begin))[:, None]
     step = length / count
     order = index - (last - count)[rows, piece]
-    return _Elements(
+    return Elements(
         piece=piece,
         start=np.where(padding, 0.0, begin[rows, piece] + order * step[rows, piece]),
         length=np.where(padding, 0.0, step[rows, piece]),
@@ -194,20 +213,26 @@ def _lay_out(equation: DelayEquation, refinement: Array) -> _Elements:
     )
 
 
-def _gauss(count: int) -> tuple[Array, Array]:
-    """Return nodes and weights of Gauss's rule on [0, 1]."""
+@cache
+def gauss(count: int) -> tuple[Array, Array]:
+    """Return nodes and weights of Gauss's rule on [0, 1].
+
+    See docs/physics.md#collocation.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return 0.5 * (nodes + 1.0), 0.5 * weights
 
 
 @cache
-def _integral_series() -> Array:
+def integral_series() -> Array:
     """Return the power series in z of int_0^e exp(z (e - s)) l_j(s) ds for e at each node and at 1.
+
+    See docs/physics.md#collocation.
 
     l_j are the Lagrange polynomials of the nodes; the result is (end, node, term). From
     int_0^e exp(z (e - s)) s^p ds = sum_m z^m p! e^(m + p + 1) / (m + p + 1)!.
     """
-    nodes, _ = _gauss(NODES)
+    nodes, _ = gauss(NODES)
     others = [np.delete(nodes, j) for j in range(NODES)]
     powers = np.array(
         [np.polynomial.polynomial.polyfromroots(rest) / np.prod(nodes[j] - rest) for j, rest in enumerate(others)]
@@ -227,7 +252,7 @@ def _integrate(equation: DelayEquation, length: Array, cuts: NDArray[np.bool_]) 
     length: (point, piece), the length of an element in each piece [s]; the integrals are found where
     a gain acts, ``cuts`` (point, piece), and are zero elsewhere.
     """
-    nodes, _ = _gauss(NODES)
+    nodes, _ = gauss(NODES)
     half, which = equation.system.half_spectrum, equation.system_index
     modes, inverse, seen, driven = (array[which, None] for array in (half.modes, half.inverse, half.seen, half.driven))
     exponent = half.poles[which, None, :] * length[..., None]  # (point, piece, pole)
@@ -243,7 +268,7 @@ def _integrate(equation: DelayEquation, length: Array, cuts: NDArray[np.bool_]) 
     factors = np.repeat(exponent[..., None], SERIES_TERMS, axis=-1)
     factors[..., 0] = length[..., None]
     terms = np.cumprod(factors, axis=-1)
-    series = _integral_series().reshape(-1, SERIES_TERMS).T
+    series = integral_series().reshape(-1, SERIES_TERMS).T
     integrals = (terms.real @ series + 1j * (terms.imag @ series)).reshape(*exponent.shape, NODES + 1, NODES)
     # Both end in (node, input): which node's force, in which direction.
     whole = integrals[..., -1, :, None] * driven[..., :, None, :]
@@ -265,7 +290,7 @@ def _real_product(left: ComplexArray, right: ComplexArray) -> Array:
     return np.asarray(wide @ tall)
 
 
-def _element_maps(tables: _Tables, layout: _Elements, gain: Array, acts: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _element_maps(tables: _Tables, layout: Elements, gain: Array, acts: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Solve every element for its node values and write it as a map of (x_a, delayed w)."""
     points, elements = layout.piece.shape
     rows = np.arange(points)[:, None]

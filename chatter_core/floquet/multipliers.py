@@ -4,6 +4,7 @@ Arnoldi's method on all points at once: the operator is only ever applied. Sourc
 Numerical Methods for Large Eigenvalue Problems (2011), chapter 6.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, Self
 
@@ -30,8 +31,8 @@ class Monodromy(Protocol):
     def shape(self) -> tuple[int, int]:
         """Number of points and size of the discretised state."""
 
-    def apply(self, vectors: Array) -> Array:
-        """Map vectors (point, size) over one period."""
+    def krylov(self, start: Array, steps: int) -> tuple[Array, Array]:
+        """Return Arnoldi's basis (point, steps + 1, size) and Hessenberg matrix (point, steps + 1, steps)."""
 
     def select(self, points: NDArray[np.intp]) -> Self:
         """Return the operator of some of the points."""
@@ -70,22 +71,62 @@ def _critical_multiplier(monodromy: Monodromy) -> CriticalMultiplier:
     value = np.zeros(points, dtype=complex)
     vector = np.zeros((points, size), dtype=complex)
     residual = np.full(points, np.inf)
-    start = np.broadcast_to(np.random.default_rng(20111).standard_normal(size), (points, size)).copy()
-    for _ in range(WARM_UP):
-        start = _unit(monodromy.apply(start))
-    space = _Krylov.begin(monodromy, start)
+    start = np.random.default_rng(20111).standard_normal(size)
     open_points = np.arange(points)
     for wanted in [min(s, size) for s in SPACE_SIZES if s < size] + [min(size, SPACE_SIZES[-1])]:
-        space.grow(wanted)
-        theta, ritz, error = space.dominant()
+        theta, ritz, error = _dominant(*monodromy.krylov(start, wanted))
         value[open_points], vector[open_points], residual[open_points] = theta, ritz, error
         unsettled = error > RESIDUAL_TOLERANCE * np.abs(theta)
         if not unsettled.any():
             break
-        open_points, space = open_points[unsettled], space.select(np.flatnonzero(unsettled))
+        open_points, monodromy = open_points[unsettled], monodromy.select(np.flatnonzero(unsettled))
     # A value of exactly zero is what is left of vectors that overflowed.
     converged = (residual <= RESIDUAL_TOLERANCE * np.abs(value)) & (value != 0.0) & np.isfinite(value)
     return CriticalMultiplier(value=value, vector=vector, converged=converged)
+
+
+def _dominant(basis: Array, hessenberg: Array) -> tuple[ComplexArray, ComplexArray, Array]:
+    """Return the Ritz value of largest modulus, its vector and its residual, per point."""
+    steps = hessenberg.shape[2]
+    values, vectors = np.linalg.eig(hessenberg[:, :steps])
+    values, vectors = values.astype(complex), vectors.astype(complex)
+    # Of a complex pair take the one with positive angle, whatever rounding says of their moduli.
+    rank = np.abs(values) * (1.0 + 1e-12 * (values.imag >= 0.0))
+    best = rank.argmax(axis=1)
+    rows = np.arange(len(best))
+    theta, coordinates = values[rows, best], vectors[rows, :, best]
+    residual = hessenberg[:, steps, steps - 1] * np.abs(coordinates[:, -1])
+    vector = (coordinates[:, None, :] @ basis[:, :steps].astype(complex))[:, 0]
+    return theta, vector, residual
+
+
+def arnoldi(apply: Callable[[Array], Array], start: Array, steps: int) -> tuple[Array, Array]:
+    """Return basis (point, steps + 1, size) and Hessenberg matrix (point, steps + 1, steps) of a map of vectors.
+
+    ``apply`` maps vectors (point, size); start: (point, size).
+
+    See docs/physics.md#critical-multiplier.
+    """
+    basis = np.zeros((len(start), steps + 1, start.shape[1]))
+    hessenberg = np.zeros((len(start), steps + 1, steps))
+    for _ in range(WARM_UP):
+        start = _unit(apply(start))
+    basis[:, 0] = start
+    for j in range(steps):
+        new = _finite(apply(basis[:, j]))
+        least = EXHAUSTED * _norm(new)
+        known = basis[:, : j + 1]
+        for _ in range(2):  # once is not enough where the new vector nearly lies in the space
+            overlap = (known @ new[:, :, None])[..., 0]
+            new = new - (overlap[:, None, :] @ known)[:, 0]
+            hessenberg[:, : j + 1, j] += overlap
+        length = _norm(new)
+        # What is left of an exhausted space is rounding. It is exact already, and a zero vector
+        # adds zero multipliers and nothing else.
+        exhausted = length <= least
+        hessenberg[:, j + 1, j] = np.where(exhausted, 0.0, length)
+        basis[:, j + 1] = np.where(exhausted, 0.0, 1.0 / np.where(exhausted, 1.0, length))[:, None] * new
+    return basis, hessenberg
 
 
 def _finite(vectors: Array) -> Array:
@@ -105,58 +146,3 @@ def _unit(vectors: Array) -> Array:
     vectors = _finite(vectors)
     length = _norm(vectors)
     return vectors / np.where(length > 0.0, length, 1.0)[:, None]
-
-
-@dataclass
-class _Krylov:
-    """Arnoldi relation P V_j = V_{j+1} H_j for a batch of operators."""
-
-    monodromy: Monodromy
-    basis: Array  # (point, vector, size)
-    hessenberg: Array  # (point, vector, vector)
-    steps: int
-
-    @classmethod
-    def begin(cls, monodromy: Monodromy, start: Array) -> "_Krylov":
-        points, size = monodromy.shape
-        longest = min(size, SPACE_SIZES[-1])
-        basis = np.zeros((points, SPACE_SIZES[0] + 1, size))
-        basis[:, 0] = _unit(start)
-        return cls(monodromy, basis, np.zeros((points, longest + 1, longest)), 0)
-
-    def grow(self, steps: int) -> None:
-        room = steps + 1 - self.basis.shape[1]
-        if room > 0:
-            self.basis = np.pad(self.basis, ((0, 0), (0, room), (0, 0)))
-        for j in range(self.steps, steps):
-            new = _finite(self.monodromy.apply(self.basis[:, j]))
-            least = EXHAUSTED * _norm(new)
-            known = self.basis[:, : j + 1]
-            for _ in range(2):  # once is not enough where the new vector nearly lies in the space
-                overlap = (known @ new[:, :, None])[..., 0]
-                new = new - (overlap[:, None, :] @ known)[:, 0]
-                self.hessenberg[:, : j + 1, j] += overlap
-            length = _norm(new)
-            # What is left of an exhausted space is rounding. It is exact already, and a zero vector
-            # adds zero multipliers and nothing else.
-            exhausted = length <= least
-            self.hessenberg[:, j + 1, j] = np.where(exhausted, 0.0, length)
-            self.basis[:, j + 1] = np.where(exhausted, 0.0, 1.0 / np.where(exhausted, 1.0, length))[:, None] * new
-        self.steps = max(self.steps, steps)
-
-    def dominant(self) -> tuple[ComplexArray, ComplexArray, Array]:
-        """Return the Ritz value of largest modulus, its vector and its residual, per point."""
-        j = self.steps
-        values, vectors = np.linalg.eig(self.hessenberg[:, :j, :j])
-        values, vectors = values.astype(complex), vectors.astype(complex)
-        # Of a complex pair take the one with positive angle, whatever rounding says of their moduli.
-        rank = np.abs(values) * (1.0 + 1e-12 * (values.imag >= 0.0))
-        best = rank.argmax(axis=1)
-        rows = np.arange(len(best))
-        theta, coordinates = values[rows, best], vectors[rows, :, best]
-        residual = self.hessenberg[:, j, j - 1] * np.abs(coordinates[:, -1])
-        vector = (coordinates[:, None, :] @ self.basis[:, :j].astype(complex))[:, 0]
-        return theta, vector, residual
-
-    def select(self, points: NDArray[np.intp]) -> "_Krylov":
-        return _Krylov(self.monodromy.select(points), self.basis[points], self.hessenberg[points], self.steps)

@@ -21,6 +21,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from chatter_core.floquet.equation import Array, ComplexArray, DelayEquation, Gain
+from chatter_core.floquet.multipliers import arnoldi
 
 #: Gauss nodes in each smooth part of an interval for the mean of a gain.
 MEAN_NODES = 4
@@ -84,6 +85,10 @@ class SemiDiscretizationMonodromy:
         state, outputs = self._march(vectors)
         latest = outputs[:, -2 : -self.history - 2 : -1]
         return np.concatenate([state, latest.reshape(len(vectors), -1)], axis=1)
+
+    def krylov(self, start: Array, steps: int) -> tuple[Array, Array]:
+        """Return basis and Hessenberg matrix of Arnoldi's method, see ``multipliers.arnoldi``."""
+        return arnoldi(self.apply, np.broadcast_to(start, self.shape), steps)
 
     def select(self, points: NDArray[np.intp]) -> Self:
         """Return the operator of some of the points."""

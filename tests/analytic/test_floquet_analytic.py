@@ -7,7 +7,7 @@ import pytest
 
 from chatter_core.errors import UnsupportedEquation
 from chatter_core.floquet import DelayedFeedback, DelayEquation, LinearSystem, MethodSettings, analyse
-from chatter_core.floquet.collocation import NODES, SERIES_TERMS, _gauss, _integral_series
+from chatter_core.floquet.collocation import NODES, SERIES_TERMS, gauss, integral_series
 from tests.conftest import COLLOCATION, milling_benchmark, oscillator
 
 METHODS = (COLLOCATION, MethodSettings(name="semi_discretization", intervals=400, order=0))
@@ -94,10 +94,10 @@ def test_too_coarse_a_mesh_is_refused():
 
 def test_integrals_over_an_element_are_those_of_a_fine_quadrature():
     """Sixty Gauss nodes integrate exp(z (e - s)) l_j(s) to rounding for |z| up to 10."""
-    nodes, _ = _gauss(NODES)
-    fine, weights = _gauss(60)
+    nodes, _ = gauss(NODES)
+    fine, weights = gauss(60)
     z = np.array([10j, -3.0 + 9.5j, 5.03j, -5.03, 0.01j])
-    found = np.einsum("enm,km->ken", _integral_series(), z[:, None] ** np.arange(SERIES_TERMS))
+    found = np.einsum("enm,km->ken", integral_series(), z[:, None] ** np.arange(SERIES_TERMS))
     for index, end in enumerate([*nodes, 1.0]):
         place = end * fine
         basis = np.array(
