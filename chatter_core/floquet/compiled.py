@@ -12,8 +12,9 @@ state is z at the start of the period, and w at the nodes of every element a per
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numba
 import numpy as np
@@ -25,6 +26,14 @@ from chatter_core.floquet.multipliers import EXHAUSTED, WARM_UP
 
 #: Freedoms of the compiler that keep infinities and not-a-numbers what they are.
 FAST = {"contract", "reassoc", "nsz", "arcp"}
+
+
+def _compiled(function: Callable[..., Any]) -> Any:
+    """Compile a function when it is first called, and keep the result on disk where there is a place for it."""
+    try:
+        return numba.njit(cache=True, nogil=True, fastmath=FAST)(function)
+    except RuntimeError:  # neither the code's folder nor the user's cache folder can be written
+        return numba.njit(nogil=True, fastmath=FAST)(function)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,14 +74,14 @@ class CompiledMonodromy:
         """Return basis (point, steps + 1, size) and Hessenberg matrix (point, steps + 1, steps) of Arnoldi's method."""
         points, size = self.shape
         basis, hessenberg = np.zeros((points, steps + 1, size)), np.zeros((points, steps + 1, steps))
-        _krylov(*self._arrays(), self.alive, start, basis, hessenberg)  # type: ignore[call-arg]
+        _krylov(*self._arrays(), self.alive, start, basis, hessenberg)
         return basis, hessenberg
 
     def force(self, vectors: ComplexArray) -> tuple[Array, Array, ComplexArray]:
         """Return times (point, sample), weights (point, sample) and feedback force (point, sample, input)."""
         points, elements, nodes = self.node_time.shape
         parts = np.zeros((2, points, elements, nodes, self.gain.shape[-2]))
-        _forces(*self._arrays(), np.stack([vectors.real, vectors.imag]), parts)  # type: ignore[call-arg]
+        _forces(*self._arrays(), np.stack([vectors.real, vectors.imag]), parts)
         flat = (points, elements * nodes)
         force = (parts[0] + 1j * parts[1]).reshape(*flat, -1)
         return self.node_time.reshape(flat), self.node_weight.reshape(flat), force
@@ -125,7 +134,7 @@ def build(equation: DelayEquation, refinement: Array | float = 1.0) -> CompiledM
     )
 
 
-@numba.njit(cache=True, nogil=True, fastmath=FAST)
+@_compiled
 def _integrate(nodes, series, poles, seen, driven, h, advance, observe, drive, respond):  # type: ignore[no-untyped-def]
     """Fill the exact integrals over an element of length h; observe and drive are transposed."""
     count, outputs, inputs = len(nodes), seen.shape[0], driven.shape[1]
@@ -165,7 +174,7 @@ def _integrate(nodes, series, poles, seen, driven, h, advance, observe, drive, r
                             )
 
 
-@numba.njit(cache=True, nogil=True, fastmath=FAST)
+@_compiled
 def _invert(matrix, inverse):  # type: ignore[no-untyped-def]
     """Invert a small matrix by Gauss-Jordan elimination with row pivoting; ``matrix`` is used up."""
     size = len(matrix)
@@ -192,7 +201,7 @@ def _invert(matrix, inverse):  # type: ignore[no-untyped-def]
                     inverse[r, j] -= factor * inverse[c, j]
 
 
-@numba.njit(cache=True, nogil=True, fastmath=FAST)
+@_compiled
 def _prepare(nodes, series, poles, seen, driven, piece, cuts, length, count, gain, advance, observe, drive, solve):  # type: ignore[no-untyped-def]
     """Fill integrals of every piece and the transposed inverse of every element of one point."""
     values, forces = len(nodes) * seen.shape[0], len(nodes) * driven.shape[1]
@@ -222,7 +231,7 @@ def _prepare(nodes, series, poles, seen, driven, piece, cuts, length, count, gai
                 solve[e, j, i] = inverse[i, j]
 
 
-@numba.njit(cache=True, nogil=True, fastmath=FAST)
+@_compiled
 def _apply(start, end, force, piece, cuts, count, gain, advance, observe, drive, solve):  # type: ignore[no-untyped-def]
     """Map one vector over a period; the forces at the nodes (element, node x input) are left in ``force``."""
     parts, values = observe.shape[1], observe.shape[2]
@@ -264,7 +273,7 @@ def _apply(start, end, force, piece, cuts, count, gain, advance, observe, drive,
         end[j] = z[j]
 
 
-@numba.njit(cache=True, nogil=True, fastmath=FAST)
+@_compiled
 def _norm(vector, size):  # type: ignore[no-untyped-def]
     """Return a norm that overflows only where an entry does."""
     largest = 0.0
@@ -278,13 +287,13 @@ def _norm(vector, size):  # type: ignore[no-untyped-def]
     return largest * math.sqrt(total)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=FAST)
+@_compiled
 def _scaled(vector, result, size, factor):  # type: ignore[no-untyped-def]
     for i in range(size):
         result[i] = vector[i] * factor
 
 
-@numba.njit(cache=True, nogil=True, fastmath=FAST)
+@_compiled
 def _krylov(  # type: ignore[no-untyped-def]
     nodes, series, poles, seen, driven, system, piece, cuts, length, count, gain, alive, start, basis, hessenberg
 ):
@@ -333,7 +342,7 @@ def _krylov(  # type: ignore[no-untyped-def]
                     _scaled(new, basis[p, j + 1], size, 1.0 / norm)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=FAST)
+@_compiled
 def _forces(  # type: ignore[no-untyped-def]
     nodes, series, poles, seen, driven, system, piece, cuts, length, count, gain, vectors, result
 ):
