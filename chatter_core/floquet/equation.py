@@ -66,15 +66,17 @@ class LinearSystem:
         Raises UnsupportedEquation when A cannot be diagonalised.
         """
         poles, modes = np.linalg.eig(self.state_matrix)
-        condition = np.linalg.cond(modes)
-        if not np.all(condition < LARGEST_CONDITION):
+        try:
+            inverse = np.linalg.inv(modes)
+            condition = float((np.linalg.norm(modes, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2))).max())
+        except np.linalg.LinAlgError:
+            condition = np.inf
+        if not condition < LARGEST_CONDITION:
             raise UnsupportedEquation(
-                f"state matrix cannot be diagonalised (condition {condition.max():.1e}, allowed "
+                f"state matrix cannot be diagonalised (condition {condition:.1e}, allowed "
                 f"{LARGEST_CONDITION:.0e}): two poles coincide, as at critical damping; change one of them a little"
             )
-        return Spectrum(
-            poles=poles.astype(complex), modes=modes.astype(complex), inverse=np.linalg.inv(modes).astype(complex)
-        )
+        return Spectrum(poles=poles.astype(complex), modes=modes.astype(complex), inverse=inverse.astype(complex))
 
     @cached_property
     def half_spectrum(self) -> HalfSpectrum:
