@@ -17,7 +17,7 @@ from chatter_core.units import SUFFIXES
 from chatter_core.variables import STRUCTURE
 from pipeline import paper_figures, store, sweep
 from pipeline.configuration import Words, compose_settings, make_folder, sort_words
-from pipeline.findings import Evidence, Finding, computing_time, findings
+from pipeline.findings import HIGH_SPEED, LOW_SPEED, Evidence, Finding, computing_time, findings
 from pipeline.settings import Settings
 
 #: Preloads [N] and speeds [rpm] at which a bearing is looked at alone.
@@ -39,16 +39,33 @@ TIMED = {
     "the paper's method": MethodSettings(name="semi_discretization", order=0, intervals=40),
 }
 STUDIES = ("together", "alone")
+#: Keys of the grid that the findings are about, and so are not to be changed.
+FIXED = ("grid.mode_count", "grid.mode_selection", "grid.modal_parameters")
+#: Fewer speeds show no lobes.
+FEWEST_SPEEDS = 10
 
 
 def run(words: list[str]) -> int:
     """Compute both studies of the paper, draw its figures and write what holds; return the exit code."""
     sorted_words = sort_words(words, ("output",))
-    if "study" in sorted_words.choices or "grid" in sorted_words.choices:
-        raise InvalidInput(["study: not for paper, which has its own two; change keys of grid. instead"])
+    problems = [
+        f"{key}: not for paper, which has its own two studies; grid.spindle_speed_rpm and others may be changed"
+        for key in (*sorted_words.choices, *(word.partition("=")[0] for word in sorted_words.values))
+        if key in ("study", "grid") or key.startswith(FIXED)
+    ]
+    if problems:
+        raise InvalidInput(problems)
     settings = {name: _settings(sorted_words, name) for name in STUDIES}
     if settings["together"].machine.spindle is None:
         raise InvalidInput(["machine: the paper's findings need bearing and spindle, found measured tip modes"])
+    speeds = settings["together"].grid.spindle_speed_rpm.points()
+    if len(speeds) < FEWEST_SPEEDS or speeds[0] >= LOW_SPEED or speeds[-1] <= HIGH_SPEED:
+        raise InvalidInput(
+            [
+                f"grid.spindle_speed_rpm: found {len(speeds)} from {speeds[0]:g} to {speeds[-1]:g}, for paper allowed: "
+                f"at least {FEWEST_SPEEDS} from below {LOW_SPEED:g} to above {HIGH_SPEED:g}"
+            ]
+        )
     output = Path(sorted_words.options.get("output", "results/paper"))
     make_folder(output)
     codes = [sweep.execute(settings[name], output / name, argv=words) for name in STUDIES]

@@ -157,6 +157,12 @@ def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path
             ["point", "spindle_speed_rpm=9000", "axial_depth_mm=1", "format=xml"],
             ["format: found 'xml', allowed: one of"],
         ),
+        (["paper", "study=smoke"], ["study: not for paper"]),
+        (
+            ["paper", "grid.mode_count=[1, 2]", "grid.mode_selection=only"],
+            ["mode_count: not for", "selection: not for"],
+        ),
+        (["paper", "grid.spindle_speed_rpm=[9000]"], ["found 1 from 9000 to 9000, for paper allowed: at least 10"]),
         (["report", "output=nowhere", "study=smoke"], ["study: not for report"]),
         (["report", "output=" + "x" * 5000], ["File name too long"]),
         (["sweep", "grid.mode_count=[1.5]"], ["mode_count: found [1.5], allowed: whole numbers from 1 to 100"]),
