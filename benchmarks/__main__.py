@@ -56,15 +56,10 @@ def radii(equation: DelayEquation, method: MethodSettings, refinement: float = 1
     return np.abs(analyse(equation, method, refinement).multiplier)
 
 
-def near(exact: np.ndarray) -> np.ndarray:
-    """Return which points lie near the boundary."""
-    return (exact > NEAR[0]) & (exact < NEAR[1])
-
-
 def worst(found: np.ndarray, exact: np.ndarray) -> float:
     """Return the largest relative error near the boundary, zero without a point there."""
-    chosen = near(exact[: len(found)])
-    return float(np.max(np.abs(found - exact[: len(found)])[chosen] / exact[: len(found)][chosen], initial=0.0))
+    near = (exact > NEAR[0]) & (exact < NEAR[1])
+    return float(np.max(np.abs(found / exact - 1.0)[near], initial=0.0))
 
 
 def rows_of(case: Case) -> list[Row]:

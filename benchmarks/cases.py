@@ -7,9 +7,10 @@ import numpy as np
 from chatter_core.chain import milling_equation, structure
 from chatter_core.floquet import DelayEquation
 from chatter_core.machine import Machine
+from chatter_core.units import SUFFIXES
 from pipeline.configuration import compose_settings, sort_words
 
-RPM = 2.0 * np.pi / 60.0
+RPM = SUFFIXES["rpm"][0]
 #: Seed of every random choice.
 SEED = 4
 

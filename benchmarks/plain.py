@@ -3,8 +3,7 @@
 Order-zero semi-discretization with n intervals, as equations 34 to 46 of the paper have it: in each
 interval the gain is its mean and the delayed displacement its sample, the interval is solved exactly,
 the state is extended by the n states before it, the n full matrices are multiplied, and all eigenvalues
-of the product are found. One point at a time, nothing shared, which is
-how textbooks and papers code it.
+of the product are found. One point at a time, nothing shared, which is how textbooks and papers code it.
 """
 
 import numpy as np

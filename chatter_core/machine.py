@@ -116,10 +116,11 @@ class Bearing(Description):
             assert self.contact_angle is not None
             return self.contact_angle
         play = max(0.0, self.radial_clearance)
-        return math.acos(1.0 - play / (2.0 * self._groove_distance))
+        return math.acos(1.0 - play / (2.0 * self.groove_distance))
 
     @property
-    def _groove_distance(self) -> float:
+    def groove_distance(self) -> float:
+        """Distance B D of the grooves' centres of curvature when a ball just touches both, B = f_i + f_o - 1 [m]."""
         return (self.inner_groove_conformity + self.outer_groove_conformity - 1.0) * self.ball_diameter
 
     @model_validator(mode="after")
@@ -127,7 +128,7 @@ class Bearing(Description):
         if (self.contact_angle is None) == (self.radial_clearance is None):
             found = "none of them" if self.contact_angle is None else "both"
             raise ValueError(f"a bearing takes either contact_angle_deg or radial_clearance_um; found: {found}")
-        most = 2.0 * self._groove_distance * (1.0 - math.cos(math.radians(80.0)))
+        most = 2.0 * self.groove_distance * (1.0 - math.cos(math.radians(80.0)))
         if self.radial_clearance is not None and self.radial_clearance > most:
             raise ValueError(
                 f"radial_clearance_um {self.radial_clearance * 1e6:g} leaves the balls without a contact angle: "

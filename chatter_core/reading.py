@@ -99,7 +99,7 @@ def load_yaml(path: Path) -> dict[str, Any]:
         problem = getattr(error, "problem", None) or str(error).splitlines()[0]
         raise InvalidInput([f"{path}{line}: no valid yaml: {problem}"]) from None
     if not isinstance(content, dict):
-        raise InvalidInput([f"{path}: expected keys and values, found {_shown(content)}"])
+        raise InvalidInput([f"{path}: expected keys and values, found {shown(content)}"])
     return content
 
 
@@ -151,7 +151,7 @@ def _sentence(finding: dict[str, Any], model: type[BaseModel]) -> str:
         return f"{where}: missing{_meaning(model, place)}"
     if kind == "value_error":
         return f"{where}: {context['error']}" if where else str(context["error"])
-    return f"{where}: found {_shown(finding['input'])}, allowed: {_allowed(kind, context, finding['msg'])}"
+    return f"{where}: found {shown(finding['input'])}, allowed: {_allowed(kind, context, finding['msg'])}"
 
 
 def _allowed(kind: str, context: dict[str, Any], message: str) -> str:
@@ -188,7 +188,8 @@ def _dotted(place: tuple[Any, ...]) -> str:
     return words
 
 
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
+    """Return a value as messages show it, cut short where it is long."""
     text = repr(value) if isinstance(value, str) else str(value)
     return text if len(text) <= 60 else text[:57] + "..."
 

@@ -62,6 +62,11 @@ class ReducedRotor:
     seat: Array
     tip: Array
 
+    def supported(self, seat_stiffness: Array) -> Array:
+        """Return the stiffness on seats (..., seat) [N/m], as (..., shape, shape)."""
+        on_seats = np.einsum("...s,si,sj->...ij", seat_stiffness, self.seat, self.seat)
+        return np.asarray(self.stiffness + on_seats)
+
 
 @dataclass(frozen=True, kw_only=True)
 class RotorModes:
@@ -236,8 +241,7 @@ def supported_modes(rotor: ReducedRotor, seat_stiffness: Array) -> RotorModes:
 
     See docs/physics.md#rotor.
     """
-    stiffness = rotor.stiffness + np.einsum("ps,si,sj->pij", seat_stiffness, rotor.seat, rotor.seat)
-    squared, shape = np.linalg.eigh(stiffness)
+    squared, shape = np.linalg.eigh(rotor.supported(seat_stiffness))
     return RotorModes(
         natural_frequency=np.sqrt(squared), tip_deflection=np.einsum("i,pim->pm", rotor.tip, shape), shape=shape
     )
@@ -255,7 +259,7 @@ def whirl_frequencies(rotor: ReducedRotor, seat_stiffness: Array, spin_speed: fl
     See docs/physics.md#rotor.
     """
     shapes = len(rotor.tip)
-    stiffness = rotor.stiffness + np.einsum("s,si,sj->ij", seat_stiffness, rotor.seat, rotor.seat)
+    stiffness = rotor.supported(seat_stiffness)
     # omega^2 r = omega Omega G r + K r with mass-orthonormal shapes, as a problem of first order.
     first_order = np.block([[spin_speed * rotor.gyroscopic, stiffness], [np.eye(shapes), np.zeros((shapes, shapes))]])
     frequency = np.linalg.eigvals(first_order).real

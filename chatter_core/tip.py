@@ -15,6 +15,8 @@ from chatter_core.machine import Tip
 
 Array = NDArray[np.float64]
 AXES = ("x", "y")
+#: Fields of TipModes that are (speed, mode).
+OVER_SPEED = ("natural_frequency", "damping_ratio", "modal_mass", "tracking_confidence")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,18 +46,16 @@ class TipModes:
 
     def at(self, speeds: NDArray[np.intp]) -> "TipModes":
         """Return the modes at some of the speeds."""
-        over_speed = ("natural_frequency", "damping_ratio", "modal_mass", "tracking_confidence")
-        return replace(self, **{name: getattr(self, name)[speeds] for name in over_speed})
+        return replace(self, **{name: getattr(self, name)[speeds] for name in OVER_SPEED})
 
     def alone(self, label: int) -> "TipModes":
         """Return the one mode of each axis that bears a number."""
         kept = np.flatnonzero(self.label == label)
-        over_speed = ("natural_frequency", "damping_ratio", "modal_mass", "tracking_confidence")
         return replace(
             self,
             axis=self.axis[kept],
             label=self.label[kept],
-            **{name: getattr(self, name)[:, kept] for name in over_speed},
+            **{name: getattr(self, name)[:, kept] for name in OVER_SPEED},
         )
 
 

@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 import configs
 from chatter_core.errors import InvalidInput
-from chatter_core.reading import load_value, load_yaml, nearest, sentences
+from chatter_core.reading import load_value, load_yaml, nearest, sentences, shown
 from pipeline.settings import Settings
 
 CONFIGS = Path(next(iter(configs.__path__)))
@@ -153,7 +153,7 @@ def _with_values(data: dict[str, Any], values: list[str]) -> dict[str, Any]:
         try:
             _put(changed, key, load_value(text))
         except ValueError as error:
-            problems.append(f"{key}: {_short(text)} cannot be put there: {error}")
+            problems.append(f"{key}: {shown(text)} cannot be put there: {error}")
     if problems:
         raise InvalidInput(problems)
     return changed
@@ -179,7 +179,3 @@ def _put(data: dict[str, Any], key: str, value: Any) -> None:
             if isinstance(part, str) and here.get(part) is None:
                 here[part] = {}
             here = here[part]
-
-
-def _short(text: str) -> str:
-    return repr(text if len(text) <= 60 else text[:57] + "...")

@@ -55,7 +55,7 @@ def _figures(lobes: xr.Dataset) -> dict[str, Callable[[xr.Dataset, float], Figur
 
 def lobes_static_and_dynamic(lobes: xr.Dataset, preload: float) -> Figure:
     """Draw the boundary with all modes, bearings at speed against bearings at standstill."""
-    figure, axes = _panel("Stability lobes: bearings at speed and at standstill")
+    figure, axes = panel("Stability lobes: bearings at speed and at standstill")
     modes = int(lobes["mode_count"].max())
     limit = stability_limit(lobes).sel(preload=preload, mode_count=modes)
     for colour, name in zip(COLOURS, limit["modal_parameters"].values, strict=False):
@@ -70,7 +70,7 @@ def lobes_static_and_dynamic(lobes: xr.Dataset, preload: float) -> Figure:
 
 def lobes_by_preload(lobes: xr.Dataset, preload: float) -> Figure:
     """Draw the boundary with all modes for each preload."""
-    figure, axes = _panel("Stability lobes by preload")
+    figure, axes = panel("Stability lobes by preload")
     modes = int(lobes["mode_count"].max())
     limit = stability_limit(lobes).isel(modal_parameters=0).sel(mode_count=modes)
     for colour, value in zip(cycle(COLOURS), limit["preload"].values, strict=False):
@@ -81,7 +81,7 @@ def lobes_by_preload(lobes: xr.Dataset, preload: float) -> Figure:
 
 def lobes_by_mode_count(lobes: xr.Dataset, preload: float) -> Figure:
     """Draw the boundary at one preload for each number of modes."""
-    figure, axes = _panel("Stability lobes by number of modes")
+    figure, axes = panel("Stability lobes by number of modes")
     limit = stability_limit(lobes).isel(modal_parameters=0).sel(preload=preload)
     for colour, value in zip(cycle(COLOURS), limit["mode_count"].values, strict=False):
         _boundary(axes, limit.sel(mode_count=value), color=colour, label=modes_label(lobes, int(value)))
@@ -97,7 +97,7 @@ def modes_label(lobes: xr.Dataset, number: int) -> str:
 
 def map_of_spectral_radius(lobes: xr.Dataset, preload: float) -> Figure:
     """Draw the spectral radius over speed and depth with its contour at one."""
-    figure, axes = _panel("Spectral radius of the Floquet multipliers")
+    figure, axes = panel("Spectral radius of the Floquet multipliers")
     modes = int(lobes["mode_count"].max())
     radius = _map(lobes["spectral_radius"], preload, modes)
     mesh = axes.pcolormesh(
@@ -117,7 +117,7 @@ def map_of_spectral_radius(lobes: xr.Dataset, preload: float) -> Figure:
 
 def map_of_dominant_mode(lobes: xr.Dataset, preload: float) -> Figure:
     """Draw which mode dominates the critical motion over speed and depth."""
-    figure, axes = _panel("Dominant mode of the critical motion")
+    figure, axes = panel("Dominant mode of the critical motion")
     modes = int(lobes["mode_count"].max())
     dominant = _map(lobes["dominant_mode"], preload, modes)
     radius = _map(lobes["spectral_radius"], preload, modes)
@@ -140,15 +140,15 @@ def map_of_dominant_mode(lobes: xr.Dataset, preload: float) -> Figure:
 
 def bearing_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
     """Draw stiffness, contact angles, centrifugal force and gyroscopic moment over speed for each preload."""
-    figure, grid = _panels("One bearing over spindle speed", 2, 2)
+    figure, grid = panels("One bearing over spindle speed", 2, 2)
     bearing = lobes.isel(modal_parameters=0)
-    panels = (
+    shown = (
         ("radial stiffness [N/\N{MICRO SIGN}m]", ("radial_stiffness",)),
         ("contact angle [deg]", ("inner_contact_angle", "outer_contact_angle")),
         ("centrifugal force on a ball [N]", ("centrifugal_force",)),
         ("gyroscopic moment on a ball [N m]", ("gyroscopic_moment",)),
     )
-    for axes, (label, names) in zip(grid.flat, panels, strict=True):
+    for axes, (label, names) in zip(grid.flat, shown, strict=True):
         for colour, value in zip(cycle(COLOURS), bearing["preload"].values, strict=False):
             for name, line in zip(names, ("-", "--"), strict=False):
                 values = bearing[name].sel(preload=value)
@@ -160,32 +160,32 @@ def bearing_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
                     label=f"{value:g} N" if line == "-" else None,
                 )
         axes.set_ylabel(label)
-        _over_speed(axes, lobes)
+        over_speed(axes, lobes)
     grid.flat[1].set_title("solid: inner race, dashed: outer race", fontsize="small", loc="right")
-    _shared_legend(figure, grid.flat[0])
+    shared_legend(figure, grid.flat[0])
     return figure
 
 
 def modes_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
     """Draw natural frequency, modal stiffness, mass and damping of the tip modes over speed."""
     where = _preload_label(lobes, preload).removesuffix(", ")
-    figure, grid = _panels("Modes at the tool tip over spindle speed" + (f", {where}" if where else ""), 2, 2)
+    figure, grid = panels("Modes at the tool tip over spindle speed" + (f", {where}" if where else ""), 2, 2)
     modes = lobes.isel(modal_parameters=0).sel(preload=preload)
-    panels = (
+    shown = (
         ("natural frequency [Hz]", "natural_frequency", "linear"),
         ("modal stiffness [N/\N{MICRO SIGN}m]", "modal_stiffness", "log"),
         ("modal mass [kg]", "modal_mass", "log"),
         ("damping ratio [-]", "damping_ratio", "linear"),
     )
-    for axes, (label, name, scale) in zip(grid.flat, panels, strict=True):
+    for axes, (label, name, scale) in zip(grid.flat, shown, strict=True):
         values = modes[name]
         axis = "x" if bool(values.sel(axis="x").notnull().any()) else "y"
         for colour, number in zip(cycle(COLOURS), modes["mode"].values, strict=False):
             axes.plot(modes["spindle_speed"], values.sel(axis=axis, mode=number), color=colour, label=f"mode {number}")
         axes.set_yscale(scale)
         axes.set_ylabel(label)
-        _over_speed(axes, lobes)
-    _shared_legend(figure, grid.flat[0])
+        over_speed(axes, lobes)
+    shared_legend(figure, grid.flat[0])
     return figure
 
 
@@ -213,26 +213,29 @@ def _preload_label(lobes: xr.Dataset, preload: float) -> str:
     return f"preload {preload:g} N, " if bool(lobes["radial_stiffness"].notnull().any()) else ""
 
 
-def _panel(title: str) -> tuple[Figure, Axes]:
+def panel(title: str) -> tuple[Figure, Axes]:
+    """Return a figure of one panel."""
     figure = Figure(figsize=(9.0, 5.0), layout="constrained")
     axes = figure.subplots()
     axes.set_title(title, loc="left", fontweight="bold")
     return figure, axes
 
 
-def _panels(title: str, rows: int, columns: int) -> tuple[Figure, np.ndarray]:
-    figure = Figure(figsize=(10.0, 6.5), layout="constrained")
+def panels(title: str, rows: int, columns: int, height: float = 6.5) -> tuple[Figure, np.ndarray]:
+    """Return a figure of several panels, as high as said [inch]."""
+    figure = Figure(figsize=(10.0, height), layout="constrained")
     figure.suptitle(title, fontweight="bold", x=0.01, ha="left")
     return figure, figure.subplots(rows, columns)
 
 
-def _shared_legend(figure: Figure, axes: Axes) -> None:
+def shared_legend(figure: Figure, axes: Axes) -> None:
     """Place one legend for all panels below them, where it hides no line."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
 
 
-def _over_speed(axes: Axes, lobes: xr.Dataset) -> None:
+def over_speed(axes: Axes, lobes: xr.Dataset | xr.DataArray) -> None:
+    """Set the horizontal axis to the spindle speeds of what is drawn."""
     speed = lobes["spindle_speed"].values
     if len(speed) > 1:
         axes.set_xlim(speed[0], speed[-1])
@@ -241,7 +244,7 @@ def _over_speed(axes: Axes, lobes: xr.Dataset) -> None:
 
 
 def _finish(axes: Axes, lobes: xr.Dataset, note: str, legend: bool = True) -> None:
-    _over_speed(axes, lobes)
+    over_speed(axes, lobes)
     axes.set_ylim(0.0, float(lobes["axial_depth"].max()))
     axes.set_ylabel("axial depth [mm]")
     axes.set_title(note, loc="right", fontsize="small")

@@ -1,6 +1,7 @@
 """The paper's findings on this model: studies, figures P1 to P9 and a table of what holds."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -85,13 +86,7 @@ def run(words: list[str]) -> int:
 
 
 def _settings(words: Words, name: str) -> Settings:
-    chosen = Words(
-        options=words.options,
-        choices={**words.choices, "study": f"paper_{name}"},
-        values=words.values,
-        machine_file=words.machine_file,
-    )
-    return compose_settings(chosen)
+    return compose_settings(replace(words, choices={**words.choices, "study": f"paper_{name}"}))
 
 
 def _opened(path: Path) -> xr.Dataset:

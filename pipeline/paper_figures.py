@@ -2,12 +2,11 @@
 
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pipeline.figures import COLOURS, STABLE, STYLE, modes_label
+from pipeline.figures import COLOURS, STABLE, STYLE, modes_label, over_speed, panel, panels, shared_legend
 from pipeline.findings import Evidence
 from pipeline.lobes import dominance, most_misjudged, stability_limit
 
@@ -35,7 +34,7 @@ def write(evidence: Evidence, folder: Path) -> list[Path]:
 
 def ball_forces(evidence: Evidence) -> Figure:
     """Draw centrifugal force and gyroscopic moment of a ball over speed for each preload."""
-    figure, (left, right) = _panels("P1: forces on one ball", 1, 2)
+    figure, (left, right) = panels("P1: forces on one ball", 1, 2, height=4.0)
     _by_preload(left, evidence.bearing["centrifugal_force"], "centrifugal force [N]")
     _by_preload(right, evidence.bearing["gyroscopic_moment"] * 1e3, "gyroscopic moment [mN m]")
     left.legend(frameon=False)
@@ -44,7 +43,7 @@ def ball_forces(evidence: Evidence) -> Figure:
 
 def contact_angles(evidence: Evidence) -> Figure:
     """Draw inner and outer contact angle over speed for each preload."""
-    figure, axes = _panel("P2: contact angles of the balls")
+    figure, axes = panel("P2: contact angles of the balls")
     _by_preload(axes, evidence.bearing["inner_contact_angle"], "contact angle [deg]")
     _by_preload(axes, evidence.bearing["outer_contact_angle"], "contact angle [deg]", linestyle="--", named=False)
     axes.set_title("solid: inner race, dashed: outer race", loc="right", fontsize="small")
@@ -54,7 +53,7 @@ def contact_angles(evidence: Evidence) -> Figure:
 
 def radial_stiffness(evidence: Evidence) -> Figure:
     """Draw the radial stiffness of one bearing over speed for each preload."""
-    figure, axes = _panel("P3: radial stiffness of one bearing")
+    figure, axes = panel("P3: radial stiffness of one bearing")
     _by_preload(axes, evidence.bearing["radial_stiffness"], "radial stiffness [N/\N{MICRO SIGN}m]")
     axes.set_ylim(bottom=0.0)
     axes.legend(frameon=False)
@@ -63,7 +62,7 @@ def radial_stiffness(evidence: Evidence) -> Figure:
 
 def natural_frequencies(evidence: Evidence) -> Figure:
     """Draw the natural frequencies over speed."""
-    figure, axes = _panel("P4: natural frequencies at the tool tip")
+    figure, axes = panel("P4: natural frequencies at the tool tip")
     _by_mode(axes, evidence.modes["natural_frequency"], "natural frequency [Hz]")
     axes.set_ylim(bottom=0.0)
     axes.legend(frameon=False, ncols=4, loc="upper right", bbox_to_anchor=(1.0, 0.9))
@@ -72,7 +71,7 @@ def natural_frequencies(evidence: Evidence) -> Figure:
 
 def modal_parameters(evidence: Evidence) -> Figure:
     """Draw modal stiffness and mass at the tip over speed."""
-    figure, (left, right) = _panels("P5: modal stiffness and mass at the tool tip", 1, 2)
+    figure, (left, right) = panels("P5: modal stiffness and mass at the tool tip", 1, 2, height=4.0)
     _by_mode(left, evidence.modes["modal_stiffness"], "modal stiffness [N/\N{MICRO SIGN}m]")
     _by_mode(right, evidence.modes["modal_mass"], "modal mass [kg]")
     for axes in (left, right):
@@ -83,27 +82,23 @@ def modal_parameters(evidence: Evidence) -> Figure:
 
 def single_mode_lobes(evidence: Evidence) -> Figure:
     """Draw the lobes of each mode alone, bearings at speed and at standstill."""
-    figure, panels = _panels("P6: lobes of each mode alone", 2, 2)
+    figure, grid = panels("P6: lobes of each mode alone", 2, 2, height=7.4)
     limit = stability_limit(evidence.alone).isel(preload=0)
-    for axes, number in zip(panels.flat, limit["mode_count"].values, strict=False):
-        for colour, name in zip(COLOURS, ("dynamic", "static"), strict=False):
-            line = limit.sel(modal_parameters=name, mode_count=number)
-            axes.plot(line["spindle_speed"], line, color=colour, linestyle=STYLE[name], label=f"{name} parameters")
+    for axes, number in zip(grid.flat, limit["mode_count"].values, strict=False):
+        _dynamic_and_static(axes, limit.sel(mode_count=number))
         axes.set_yscale("log")
         axes.set_ylim(0.5, float(evidence.alone["axial_depth"].max()))
         axes.set_title(modes_label(evidence.alone, int(number)), loc="right", fontsize="small")
         _over_speed(axes, limit, "axial depth [mm]")
-    figure.legend(*panels.flat[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+    shared_legend(figure, grid.flat[0])
     return figure
 
 
 def four_modes(evidence: Evidence) -> Figure:
     """Draw the lobes of all modes, bearings at speed and at standstill, with the mode that dominates."""
-    figure, axes = _panel("P7: static and dynamic lobes with all modes")
+    figure, axes = panel("P7: static and dynamic lobes with all modes")
     limit = _all_modes(evidence)
-    for colour, name in zip(COLOURS, ("dynamic", "static"), strict=False):
-        line = limit.sel(modal_parameters=name)
-        axes.plot(line["spindle_speed"], line, color=colour, linestyle=STYLE[name], label=f"{name} parameters")
+    _dynamic_and_static(axes, limit)
     _finish(axes, limit)
     ranges = dominance(evidence.together)
     modes = int(evidence.together["mode_count"].max())
@@ -121,7 +116,7 @@ def four_modes(evidence: Evidence) -> Figure:
 
 def modes_one_by_one(evidence: Evidence) -> Figure:
     """Draw the lobes of the first mode, the first two, and so on."""
-    figure, axes = _panel("P8: modes added one by one, dynamic parameters")
+    figure, axes = panel("P8: modes added one by one, dynamic parameters")
     limit = stability_limit(evidence.together).isel(preload=0).sel(modal_parameters="dynamic")
     for colour, number in zip(COLOURS, limit["mode_count"].values, strict=False):
         line = limit.sel(mode_count=number)
@@ -136,11 +131,9 @@ def modes_one_by_one(evidence: Evidence) -> Figure:
 
 def deceptive_speed(evidence: Evidence) -> Figure:
     """Draw where static lobes promise most beyond what dynamic ones allow."""
-    figure, axes = _panel("P9: a speed that only the standing spindle recommends")
+    figure, axes = panel("P9: a speed that only the standing spindle recommends")
     limit = _all_modes(evidence)
-    for colour, name in zip(COLOURS, ("dynamic", "static"), strict=False):
-        line = limit.sel(modal_parameters=name)
-        axes.plot(line["spindle_speed"], line, color=colour, linestyle=STYLE[name], label=f"{name} parameters")
+    _dynamic_and_static(axes, limit)
     line = limit.sel(modal_parameters="dynamic")
     deepest = float(evidence.together["axial_depth"].max())
     axes.fill_between(line["spindle_speed"], 0.0, line.fillna(deepest), color=STABLE)
@@ -168,6 +161,12 @@ def _all_modes(evidence: Evidence) -> xr.DataArray:
     return stability_limit(evidence.together).isel(preload=0, mode_count=-1)
 
 
+def _dynamic_and_static(axes: Axes, limit: xr.DataArray) -> None:
+    for colour, name in zip(COLOURS, ("dynamic", "static"), strict=False):
+        line = limit.sel(modal_parameters=name)
+        axes.plot(line["spindle_speed"], line, color=colour, linestyle=STYLE[name], label=f"{name} parameters")
+
+
 def _by_preload(axes: Axes, values: xr.DataArray, label: str, linestyle: str = "-", named: bool = True) -> None:
     for colour, preload in zip(COLOURS, values["preload"].values, strict=False):
         axes.plot(
@@ -187,26 +186,10 @@ def _by_mode(axes: Axes, values: xr.DataArray, label: str) -> None:
 
 
 def _over_speed(axes: Axes, values: xr.DataArray, label: str) -> None:
-    speed = values["spindle_speed"].values
-    axes.set_xlim(speed[0], speed[-1])
-    axes.set_xlabel("spindle speed [rpm]")
+    over_speed(axes, values)
     axes.set_ylabel(label)
-    axes.grid(alpha=0.3)
 
 
 def _finish(axes: Axes, limit: xr.DataArray) -> None:
     _over_speed(axes, limit, "axial depth [mm]")
     axes.set_ylim(bottom=0.0)
-
-
-def _panel(title: str) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(9.0, 5.0), layout="constrained")
-    axes = figure.subplots()
-    axes.set_title(title, loc="left", fontweight="bold")
-    return figure, axes
-
-
-def _panels(title: str, rows: int, columns: int) -> tuple[Figure, np.ndarray]:
-    figure = Figure(figsize=(10.0, 3.4 * rows + 0.6), layout="constrained")
-    figure.suptitle(title, fontweight="bold", x=0.01, ha="left")
-    return figure, figure.subplots(rows, columns)

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import root
 
 from chatter_core.bearing.axisymmetric import axisymmetric_state
-from chatter_core.bearing.general import LOAD_TOLERANCE, LoadedBearing, displaced_bearing, load_scale, three_finite
+from chatter_core.bearing.general import LOAD_TOLERANCE, LoadedBearing, Ring, load_scale, three_finite
 from chatter_core.errors import InvalidInput, NoEquilibrium
 from chatter_core.machine import Bearing
 
@@ -101,17 +101,7 @@ def displaced_arrangement(
 
     See docs/physics.md#sets-of-bearings.
     """
-    moved = three_finite("displacement", displacement)
-    states, load, stiffness = [], np.zeros(3), np.zeros((3, 3))
-    for place, way, drawn in zip(
-        arrangement.position, arrangement.direction, preload_displacement(arrangement), strict=True
-    ):
-        local = np.array([[way, 0.0, 0.0], [0.0, 1.0, -place], [0.0, 0.0, way]])
-        state = displaced_bearing(arrangement.bearing, local @ moved + [drawn, 0.0, 0.0], spindle_speed)
-        states.append(state)
-        load += local.T @ state.load
-        stiffness += local.T @ state.stiffness @ local
-    return LoadedArrangement(displacement=moved, load=load, stiffness=stiffness, bearings=tuple(states))
+    return _Shaft(arrangement, spindle_speed).at(three_finite("displacement", displacement))
 
 
 def loaded_arrangement(arrangement: Arrangement, load: ArrayLike, spindle_speed: float = 0.0) -> LoadedArrangement:
@@ -125,20 +115,47 @@ def loaded_arrangement(arrangement: Arrangement, load: ArrayLike, spindle_speed:
     wanted = three_finite("load", load)
     total = wanted + np.array([arrangement.preload, 0.0, 0.0])
     give, size = load_scale(arrangement.bearing, total)
+    shaft = _Shaft(arrangement, spindle_speed)
 
     def mismatch(unknowns: Array) -> tuple[Array, Array]:
-        state = displaced_arrangement(arrangement, unknowns * give, spindle_speed)
+        state = shaft.at(unknowns * give)
         return (state.load - wanted) / size, state.stiffness * give / size[:, None]
 
     # A preloaded set carries small loads where it stands; bearings without preload must first be touched.
     start = np.zeros(3) if arrangement.preload > 0.0 else 3.0 * wanted / size
     found = root(mismatch, start, jac=True, method="lm", options={"xtol": 1e-14, "maxiter": 200})
-    reached = displaced_arrangement(arrangement, found.x * give, spindle_speed)
+    reached = shaft.at(found.x * give)
     if np.all(np.abs(reached.load - wanted) <= LOAD_TOLERANCE * size):
         return reached
     raise NoEquilibrium(
         f"the set of bearings does not carry {wanted[0]:g} N axially, {wanted[1]:g} N radially and {wanted[2]:g} N m"
     )
+
+
+class _Shaft:
+    """The shaft at a speed: what every place of it does to the bearings of a set."""
+
+    def __init__(self, arrangement: Arrangement, spindle_speed: float) -> None:
+        self.rings = [Ring(arrangement.bearing, spindle_speed) for _ in arrangement.position]
+        self.local = [
+            np.array([[way, 0.0, 0.0], [0.0, 1.0, -place], [0.0, 0.0, way]])
+            for place, way in zip(arrangement.position, arrangement.direction, strict=True)
+        ]
+        self.drawn = preload_displacement(arrangement)
+
+    def at(self, displacement: Array) -> LoadedArrangement:
+        """Return the state with the shaft at (d_a, d_r, theta)."""
+        states = tuple(
+            ring.at(local @ displacement + [drawn, 0.0, 0.0])
+            for ring, local, drawn in zip(self.rings, self.local, self.drawn, strict=True)
+        )
+        pairs = list(zip(self.local, states, strict=True))
+        return LoadedArrangement(
+            displacement=displacement,
+            load=np.sum([local.T @ state.load for local, state in pairs], axis=0),
+            stiffness=np.sum([local.T @ state.stiffness @ local for local, state in pairs], axis=0),
+            bearings=states,
+        )
 
 
 def preload_displacement(arrangement: Arrangement) -> Array:

@@ -106,8 +106,7 @@ def unloaded_groove_distance(bearing: Bearing) -> Array:
 
     See docs/physics.md#ball.
     """
-    distance = (bearing.inner_groove_conformity + bearing.outer_groove_conformity - 1.0) * bearing.ball_diameter
-    angle = bearing.unloaded_contact_angle
+    distance, angle = bearing.groove_distance, bearing.unloaded_contact_angle
     radial = distance * math.cos(angle) if bearing.radial_clearance is None else distance - bearing.radial_clearance / 2
     return np.array([distance * math.sin(angle), radial])
 

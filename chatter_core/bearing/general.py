@@ -79,7 +79,7 @@ def displaced_bearing(bearing: Bearing, displacement: ArrayLike, spindle_speed: 
 
     See docs/physics.md#loaded-bearing.
     """
-    return _Ring(bearing, spindle_speed).at(three_finite("displacement", displacement))
+    return Ring(bearing, spindle_speed).at(three_finite("displacement", displacement))
 
 
 def loaded_bearing(bearing: Bearing, load: ArrayLike, spindle_speed: float = 0.0) -> LoadedBearing:
@@ -93,13 +93,14 @@ def loaded_bearing(bearing: Bearing, load: ArrayLike, spindle_speed: float = 0.0
     """
     wanted = three_finite("load", load)
     give, size = load_scale(bearing, wanted)
-    ring = _Ring(bearing, spindle_speed)
+    ring = Ring(bearing, spindle_speed)
 
     def mismatch(unknowns: Array, share: float) -> tuple[Array, Array]:
         state = ring.at(unknowns * give)
         return (state.load - share * wanted) / size, state.stiffness * give / size[:, None]
 
-    for start in _first_displacements(bearing, wanted, spindle_speed):
+    # Some play further than the load alone would press: the balls must touch for the first step.
+    for start in _first_displacements(bearing, wanted, spindle_speed, 3.0 * wanted / size * give):
         for stages in STAGES:
             unknowns = start / give
             # A step too far may leave the grooves or the range of numbers: the next attempt takes smaller ones.
@@ -116,11 +117,8 @@ def loaded_bearing(bearing: Bearing, load: ArrayLike, spindle_speed: float = 0.0
     )
 
 
-def _first_displacements(bearing: Bearing, load: Array, speed: float) -> list[Array]:
-    """Return first guesses of the ring's displacement: from the axial force alone, and along the load."""
-    give, size = load_scale(bearing, load)
-    # Some play further than the load alone would press: the balls must touch for the first step.
-    along = 3.0 * load / size * give
+def _first_displacements(bearing: Bearing, load: Array, speed: float, along: Array) -> list[Array]:
+    """Return first guesses of the ring's displacement: from the axial force alone, and ``along`` the load."""
     if load[0] < LEAST_PRELOAD:
         return [along]
     axial = axisymmetric_state(bearing, float(load[0]), np.array([speed]), "constant")
@@ -160,7 +158,7 @@ def groove_radius(bearing: Bearing) -> float:
     return 0.5 * bearing.pitch_diameter + reach * math.cos(bearing.unloaded_contact_angle)
 
 
-class _Ring:
+class Ring:
     """The inner ring at a speed: what every place of it does to the balls."""
 
     def __init__(self, bearing: Bearing, spindle_speed: float) -> None:

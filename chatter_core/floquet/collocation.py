@@ -119,6 +119,11 @@ class Elements:
     piece_length: Array
     cuts: NDArray[np.bool_]
 
+    @property
+    def acts(self) -> NDArray[np.bool_]:
+        """Whether a gain acts in an element (point, element)."""
+        return np.take_along_axis(self.cuts, self.piece, axis=1) & (self.length > 0.0)
+
 
 @dataclass(frozen=True, kw_only=True)
 class _Tables:
@@ -146,8 +151,7 @@ def build(equation: DelayEquation, refinement: Array | float = 1.0) -> Collocati
     layout, time, gain = lay_out(equation, refinement)
     tables = _integrate(equation, layout.piece_length, layout.cuts)
     _, weights = gauss(NODES)
-    acts = layout.cuts[np.arange(len(equation))[:, None], layout.piece] & (layout.length > 0.0)
-    element_map, force_map = _element_maps(tables, layout, gain, acts)
+    element_map, force_map = _element_maps(tables, layout, gain)
     return CollocationMonodromy(
         element_map=element_map,
         force_map=force_map,
@@ -177,8 +181,7 @@ def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Element
     nodes, _ = gauss(NODES)
     time = layout.start[..., None] + layout.length[..., None] * nodes
     gain = equation.feedback[0].gain(time)
-    acts = layout.cuts[np.arange(len(equation))[:, None], layout.piece] & (layout.length > 0.0)
-    gain[~acts] = 0.0
+    gain[~layout.acts] = 0.0
     return layout, time, gain
 
 
@@ -290,7 +293,7 @@ def _real_product(left: ComplexArray, right: ComplexArray) -> Array:
     return np.asarray(wide @ tall)
 
 
-def _element_maps(tables: _Tables, layout: Elements, gain: Array, acts: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _element_maps(tables: _Tables, layout: Elements, gain: Array) -> tuple[Array, Array]:
     """Solve every element for its node values and write it as a map of (x_a, delayed w)."""
     points, elements = layout.piece.shape
     rows = np.arange(points)[:, None]
@@ -315,7 +318,7 @@ def _element_maps(tables: _Tables, layout: Elements, gain: Array, acts: NDArray[
     element_map[..., states:, :] = difference
     element_map[..., states:, states:] += np.eye(values)
     # Where no gain acts nobody will ask for w; and padding has no length.
-    element_map[..., states:, :][~acts] = 0.0
+    element_map[..., states:, :][~layout.acts] = 0.0
     idle = layout.length == 0.0
     element_map[..., :states, :][idle] = np.eye(states, states + values)
     return element_map, force_map

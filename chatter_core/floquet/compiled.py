@@ -202,10 +202,13 @@ def _invert(matrix, inverse):  # type: ignore[no-untyped-def]
 
 
 @_compiled
-def _prepare(nodes, series, poles, seen, driven, piece, cuts, length, count, gain, advance, observe, drive, solve):  # type: ignore[no-untyped-def]
-    """Fill integrals of every piece and the transposed inverse of every element of one point."""
-    values, forces = len(nodes) * seen.shape[0], len(nodes) * driven.shape[1]
+def _prepare(nodes, series, poles, seen, driven, piece, cuts, length, count, gain):  # type: ignore[no-untyped-def]
+    """Return the integrals of every piece (advance, observe, drive) and the transposed inverses of one point."""
     outputs, inputs = seen.shape[0], driven.shape[1]
+    values, forces, parts = len(nodes) * outputs, len(nodes) * inputs, 2 * len(poles)
+    advance = np.empty((len(cuts), len(poles)), np.complex128)
+    observe, drive = np.empty((len(cuts), parts, values)), np.empty((len(cuts), forces, parts))
+    solve = np.empty((count, values, values))
     respond = np.empty((len(cuts), values, forces))
     implicit, inverse = np.empty((values, values)), np.empty((values, values))
     for p in range(len(cuts)):
@@ -229,6 +232,7 @@ def _prepare(nodes, series, poles, seen, driven, piece, cuts, length, count, gai
         for i in range(values):
             for j in range(values):
                 solve[e, j, i] = inverse[i, j]
+    return advance, observe, drive, solve
 
 
 @_compiled
@@ -299,17 +303,14 @@ def _krylov(  # type: ignore[no-untyped-def]
 ):
     """Build the Krylov space of every point by Arnoldi's method with Gram and Schmidt's step done twice."""
     parts, values, forces = alive.shape[1], len(nodes) * seen.shape[1], len(nodes) * driven.shape[2]
-    pieces, elements, steps = cuts.shape[1], piece.shape[1], hessenberg.shape[2]
-    advance = np.empty((pieces, poles.shape[1]), np.complex128)
-    observe, drive = np.empty((pieces, parts, values)), np.empty((pieces, forces, parts))
-    solve, force = np.empty((elements, values, values)), np.empty((elements, forces))
+    elements, steps = piece.shape[1], hessenberg.shape[2]
+    force = np.empty((elements, forces))
     new = np.empty(parts + elements * values)
     for p in range(len(system)):
         s, size = system[p], parts + count[p] * values
-        _prepare(
-            nodes, series, poles[s], seen[s], driven[s], piece[p], cuts[p], length[p], count[p], gain[p],
-            advance, observe, drive, solve,
-        )  # fmt: skip
+        advance, observe, drive, solve = _prepare(
+            nodes, series, poles[s], seen[s], driven[s], piece[p], cuts[p], length[p], count[p], gain[p]
+        )
         first = basis[p, 0]
         _scaled(start, first, size, 1.0)
         for i in range(parts):
@@ -348,17 +349,14 @@ def _forces(  # type: ignore[no-untyped-def]
 ):
     """Find the feedback force at the nodes for the vectors (real and imaginary part, point, size)."""
     parts, values, forces = 2 * poles.shape[1], len(nodes) * seen.shape[1], len(nodes) * driven.shape[2]
-    pieces, elements, inputs = cuts.shape[1], piece.shape[1], driven.shape[2]
-    advance = np.empty((pieces, poles.shape[1]), np.complex128)
-    observe, drive = np.empty((pieces, parts, values)), np.empty((pieces, forces, parts))
-    solve, force = np.empty((elements, values, values)), np.empty((elements, forces))
+    elements, inputs = piece.shape[1], driven.shape[2]
+    force = np.empty((elements, forces))
     end = np.empty(parts + elements * values)
     for p in range(len(system)):
         s = system[p]
-        _prepare(
-            nodes, series, poles[s], seen[s], driven[s], piece[p], cuts[p], length[p], count[p], gain[p],
-            advance, observe, drive, solve,
-        )  # fmt: skip
+        advance, observe, drive, solve = _prepare(
+            nodes, series, poles[s], seen[s], driven[s], piece[p], cuts[p], length[p], count[p], gain[p]
+        )
         for part in range(len(vectors)):
             force[:] = 0.0
             _apply(vectors[part, p], end, force, piece[p], cuts[p], count[p], gain[p], advance, observe, drive, solve)
