@@ -276,8 +276,25 @@ class TipMode(Description):
 
     axis: Literal["x", "y"] = Field(description="direction of the mode; x is the feed direction")
     natural_frequency: float = Field(alias="natural_frequency_hz", ge=0.1, le=1e6, description="natural frequency")
+    natural_frequency_deviation: float | None = Field(
+        default=None,
+        alias="natural_frequency_deviation_hz",
+        ge=0,
+        le=1e6,
+        description="standard deviation of natural_frequency_hz, where known",
+    )
     damping_ratio: float = Field(ge=1e-9, lt=1, description="damping ratio")
+    damping_ratio_deviation: float | None = Field(
+        default=None, ge=0, le=1e6, description="standard deviation of damping_ratio, where known"
+    )
     stiffness: float = Field(alias="stiffness_n_um", ge=1e-6, le=1e6, description="modal stiffness felt at the tip")
+    stiffness_deviation: float | None = Field(
+        default=None,
+        alias="stiffness_deviation_n_um",
+        ge=0,
+        le=1e12,
+        description="standard deviation of stiffness_n_um, where known",
+    )
     spindle_speed: float | None = Field(
         default=None, alias="spindle_speed_rpm", ge=0, le=1e6, description="speed it was measured at, where known"
     )
