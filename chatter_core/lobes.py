@@ -36,6 +36,8 @@ SHALLOWEST = 1e-3
 REFINEMENT_STEP = 1.5
 #: Cells of a speed, those nearest to the boundary, of which the error is estimated.
 ERROR_CELLS = 2
+#: What collocation is compared with has this share of its tolerance, which settles its eigenvalues better.
+STRICTER = 1e-2
 #: What semi-discretization is compared with.
 ERROR_REFERENCE = MethodSettings(name="collocation", tolerance=1e-4)
 #: Looks finer than the first before a point counts as not converged.
@@ -311,15 +313,17 @@ def _error_near_boundary(
     """Estimate the relative error of the spectral radius nearest to one at some speeds.
 
     It is the larger of those of the two cells nearest to one. Collocation is compared with itself on
-    a finer mesh; semi-discretization with collocation, because with its own doubled intervals it can
-    agree on a wrong branch.
+    a finer mesh, with eigenvalues that are better settled; semi-discretization with collocation,
+    because with its own doubled intervals it can agree on a wrong branch.
     """
     shape = (len(built.spindle_speed), len(axial_depth))
     radius = grid.spectral_radius.reshape(shape)[speeds]
     distance = np.nan_to_num(np.abs(np.log(radius)), nan=np.inf)
     nearest = np.argsort(distance, axis=1, kind="stable")[:, :ERROR_CELLS]
     rows = np.repeat(speeds, nearest.shape[1])
-    finer = method if method.name == "collocation" else ERROR_REFERENCE
+    finer = ERROR_REFERENCE
+    if method.tolerance is not None:
+        finer = method.model_copy(update={"tolerance": STRICTER * method.tolerance})
     fine = evaluate(machine, built, rows, axial_depth[nearest.ravel()], finer, REFINEMENT_STEP * refinement[rows])
     error = np.abs(np.take_along_axis(radius, nearest, axis=1) / fine.spectral_radius.reshape(nearest.shape) - 1.0)
     return np.asarray(error.max(axis=1))

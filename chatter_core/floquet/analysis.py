@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_core.floquet import compiled, semi_discretization
+from chatter_core.floquet import compiled, multipliers, semi_discretization
 from chatter_core.floquet.equation import Array, ComplexArray, DelayEquation
 from chatter_core.floquet.method import MethodSettings
-from chatter_core.floquet.multipliers import critical_multiplier
+from chatter_core.floquet.multipliers import CriticalMotion
 
+#: The residual of a multiplier is this share of the tolerance, for its condition, and never larger than that.
+RESIDUAL_SHARE, LARGEST_RESIDUAL = 1e-3, 1e-7
 #: Harmonics are kept up to this multiple of the fastest pole.
 HARMONIC_RANGE = 1.5
 #: The range is doubled, so often at most, while the strongest line lies beyond this share of it.
@@ -42,27 +44,34 @@ def analyse(equation: DelayEquation, method: MethodSettings, refinement: Array |
 
     See docs/physics.md#critical-multiplier.
     """
-    monodromy: compiled.CompiledMonodromy | semi_discretization.SemiDiscretizationMonodromy
-    if method.name == "collocation":
-        monodromy = compiled.build(equation, refinement)
-    else:
-        assert method.intervals is not None
-        assert method.order is not None
-        monodromy = semi_discretization.build(equation, method.intervals, method.order)
-    critical = critical_multiplier(monodromy)
+    critical = critical_motion(equation, method, refinement)
     # What did not converge gets a harmless value here and is marked in the answer.
-    multiplier = np.where(critical.converged, critical.value, 1.0)
+    multiplier = np.where(critical.converged, critical.multiplier, 1.0)
     with np.errstate(over="ignore", invalid="ignore"):
-        force = monodromy.force(critical.vector)
-        exponent, state, output = _motion(equation, multiplier, force)
+        exponent, state, output = _motion(equation, multiplier, critical)
     converged = critical.converged & np.isfinite(output).all(axis=(1, 2))
     return FloquetSolution(
-        multiplier=critical.value, converged=converged, exponent=exponent, state=state, output=output
+        multiplier=critical.multiplier, converged=converged, exponent=exponent, state=state, output=output
     )
 
 
+def critical_motion(equation: DelayEquation, method: MethodSettings, refinement: Array | float = 1.0) -> CriticalMotion:
+    """Find the critical multiplier of every point and the force of its motion, and no harmonics.
+
+    Raises UnsupportedEquation when the method does not solve such an equation.
+
+    See docs/physics.md#critical-multiplier.
+    """
+    if method.name == "collocation":
+        assert method.tolerance is not None
+        return compiled.critical_motion(equation, refinement, min(LARGEST_RESIDUAL, RESIDUAL_SHARE * method.tolerance))
+    assert method.intervals is not None
+    assert method.order is not None
+    return multipliers.critical_motion(semi_discretization.build(equation, method.intervals, method.order))
+
+
 def _motion(
-    equation: DelayEquation, multiplier: ComplexArray, force: tuple[Array, Array, ComplexArray]
+    equation: DelayEquation, multiplier: ComplexArray, critical: CriticalMotion
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """Return exponents, states and outputs of the harmonics.
 
@@ -74,7 +83,7 @@ def _motion(
     for widening in range(WIDENINGS + 1):
         order = np.arange(-reach.max(), reach.max() + 1)
         exponent = (np.log(multiplier)[:, None] + 2j * np.pi * order) / equation.period[:, None]
-        state = _respond(equation, exponent, _project(equation, exponent, force))
+        state = _respond(equation, exponent, _project(equation, exponent, critical))
         state[np.abs(order) > reach[:, None]] = 0.0
         output = state @ equation.system.output_matrix[equation.system_index].swapaxes(1, 2)
         strongest = np.abs(order[np.linalg.norm(output, axis=-1).argmax(axis=-1)])
@@ -85,11 +94,10 @@ def _motion(
     return np.asarray(exponent), state, output
 
 
-def _project(equation: DelayEquation, exponent: ComplexArray, force: tuple[Array, Array, ComplexArray]) -> ComplexArray:
+def _project(equation: DelayEquation, exponent: ComplexArray, critical: CriticalMotion) -> ComplexArray:
     """Return the force's harmonics (point, harmonic, input)."""
-    time, weight, values = force
-    phase = weight[:, None, :] * np.exp(-exponent[:, :, None] * time[:, None, :])
-    return np.asarray((phase @ values) / equation.period[:, None, None])
+    phase = critical.weight[:, None, :] * np.exp(-exponent[:, :, None] * critical.time[:, None, :])
+    return np.asarray((phase @ critical.force) / equation.period[:, None, None])
 
 
 def _respond(equation: DelayEquation, exponent: ComplexArray, force: ComplexArray) -> ComplexArray:

@@ -227,6 +227,19 @@ def gauss(count: int) -> tuple[Array, Array]:
 
 
 @cache
+def lagrange_powers() -> Array:
+    """Return the Lagrange polynomials of the nodes (node, power), powers ascending.
+
+    See docs/physics.md#collocation.
+    """
+    nodes, _ = gauss(NODES)
+    others = [np.delete(nodes, j) for j in range(NODES)]
+    return np.array(
+        [np.polynomial.polynomial.polyfromroots(rest) / np.prod(nodes[j] - rest) for j, rest in enumerate(others)]
+    )
+
+
+@cache
 def integral_series() -> Array:
     """Return the power series in z of int_0^e exp(z (e - s)) l_j(s) ds for e at each node and at 1.
 
@@ -235,12 +248,8 @@ def integral_series() -> Array:
     l_j are the Lagrange polynomials of the nodes; the result is (end, node, term). From
     int_0^e exp(z (e - s)) s^p ds = sum_m z^m p! e^(m + p + 1) / (m + p + 1)!.
     """
-    nodes, _ = gauss(NODES)
-    others = [np.delete(nodes, j) for j in range(NODES)]
-    powers = np.array(
-        [np.polynomial.polynomial.polyfromroots(rest) / np.prod(nodes[j] - rest) for j, rest in enumerate(others)]
-    )
-    ends = np.append(nodes, 1.0)
+    powers = lagrange_powers()
+    ends = np.append(gauss(NODES)[0], 1.0)
     series = np.zeros((NODES + 1, NODES, SERIES_TERMS))
     for term in range(SERIES_TERMS):
         for power in range(NODES):

@@ -37,6 +37,9 @@ class Monodromy(Protocol):
     def select(self, points: NDArray[np.intp]) -> Self:
         """Return the operator of some of the points."""
 
+    def force(self, vectors: ComplexArray) -> tuple[Array, Array, ComplexArray]:
+        """Return times (point, sample), weights (point, sample) and feedback force (point, sample, input)."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class CriticalMultiplier:
@@ -49,6 +52,34 @@ class CriticalMultiplier:
     value: ComplexArray
     vector: ComplexArray
     converged: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CriticalMotion:
+    """Critical multiplier (point,) and the feedback force of its motion over one period.
+
+    ``converged`` (point,) is False where the multiplier did not settle; time, weight: (point, sample)
+    [s], of a quadrature over the period; force: (point, sample, input), to any complex scale.
+    """
+
+    multiplier: ComplexArray
+    converged: NDArray[np.bool_]
+    time: Array
+    weight: Array
+    force: ComplexArray
+
+
+def critical_motion(monodromy: Monodromy) -> CriticalMotion:
+    """Return the critical multiplier of every point and the force of its motion.
+
+    See docs/physics.md#critical-multiplier.
+    """
+    critical = critical_multiplier(monodromy)
+    with np.errstate(over="ignore", invalid="ignore"):
+        time, weight, force = monodromy.force(critical.vector)
+    return CriticalMotion(
+        multiplier=critical.value, converged=critical.converged, time=time, weight=weight, force=force
+    )
 
 
 def critical_multiplier(monodromy: Monodromy) -> CriticalMultiplier:

@@ -13,7 +13,7 @@ import chatter_core
 
 PAGE = (Path(__file__).parents[2] / "docs" / "physics.md").read_text(encoding="utf-8")
 #: Modules around the physics: names, units, errors, what a user writes.
-NOT_PHYSICS = {"errors", "units", "variables", "machine", "reading", "method"}
+NOT_PHYSICS = {"errors", "units", "variables", "machine", "reading", "method", "jit"}
 
 
 def anchors() -> set[str]:
