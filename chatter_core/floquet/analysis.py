@@ -64,7 +64,8 @@ def critical_motion(equation: DelayEquation, method: MethodSettings, refinement:
     """
     if method.name == "collocation":
         assert method.tolerance is not None
-        return compiled.critical_motion(equation, refinement, min(LARGEST_RESIDUAL, RESIDUAL_SHARE * method.tolerance))
+        residual = min(LARGEST_RESIDUAL, RESIDUAL_SHARE * method.tolerance)
+        return multipliers.critical_motion(compiled.build(equation, refinement), residual)
     assert method.intervals is not None
     assert method.order is not None
     return multipliers.critical_motion(semi_discretization.build(equation, method.intervals, method.order))
