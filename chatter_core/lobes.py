@@ -14,6 +14,7 @@ from scipy.optimize import elementwise
 
 from chatter_core.chain import Structure, milling_equation, structure
 from chatter_core.floquet import FloquetSolution, MethodSettings, analyse
+from chatter_core.floquet.harmonics import square
 from chatter_core.machine import Machine
 from chatter_core.variables import BIFURCATION, STATUS
 
@@ -239,7 +240,7 @@ def _fill(
     result.multiplier[points] = multiplier
     result.spectral_radius[points] = np.abs(multiplier)
     result.bifurcation[points] = _bifurcation(multiplier)
-    strongest = np.linalg.norm(solution.output[good], axis=-1).argmax(axis=-1)
+    strongest = square(solution.output[good]).sum(axis=-1).argmax(axis=-1)
     result.chatter_frequency[points] = np.abs(solution.exponent[good, strongest].imag)
     result.mode_share[points] = _mode_share(built, speed[good], solution.exponent[good], solution.state[good])
 
@@ -255,10 +256,10 @@ def _mode_share(
 ) -> Array:
     """Return each mode's share of kinetic and potential energy, summed over harmonics and axes (point, mode)."""
     modes = built.modes
-    displacement = np.abs(state[..., : len(modes)]) ** 2
-    velocity = np.abs(exponent[..., None]) ** 2 * displacement
-    mass = modes.modal_mass[speed][:, None, :]
-    energy = (mass * (velocity + modes.natural_frequency[speed][:, None, :] ** 2 * displacement)).sum(axis=1)
+    displacement = square(state[..., : len(modes)])
+    kinetic = (square(exponent)[:, None, :] @ displacement)[:, 0]
+    potential = modes.natural_frequency[speed] ** 2 * displacement.sum(axis=1)
+    energy = modes.modal_mass[speed] * (kinetic + potential)
     labels = np.arange(1, int(modes.label.max()) + 1)
     share = energy @ (modes.label[:, None] == labels).astype(float)
     total = share.sum(axis=-1, keepdims=True)

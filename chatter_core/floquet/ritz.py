@@ -61,6 +61,8 @@ def _dominant_pairs(basis, hessenberg, tolerance, value, vector, residual):  # t
             settled = within <= FILTER_SHARE * tolerance * abs(value[p])
         if not settled:
             value[p] = _largest_eigenvalue(hessenberg[p], size)
+            if value[p] == 0.0:
+                continue
             coordinates = _eigenvector(hessenberg[p], size, value[p])
         residual[p] = hessenberg[p, size, size - 1] * abs(coordinates[size - 1])
         for j in range(size):
@@ -138,7 +140,7 @@ def _make_unit(vector):  # type: ignore[no-untyped-def]
         for i in range(len(vector)):
             size = max(size, abs(vector[i])) if power == 1 else size + abs(vector[i]) ** 2
         for i in range(len(vector)):
-            vector[i] /= size if power == 1 else math.sqrt(size)
+            vector[i] *= 1.0 / (size if power == 1 else math.sqrt(size))
 
 
 @compiled
@@ -193,6 +195,8 @@ def _filtered_pair(hessenberg, size):  # type: ignore[no-untyped-def]
     if steps == 0 or not np.isfinite(length):
         return 0.0 + 0.0j, vector, np.inf
     value = _largest_eigenvalue(small, steps)
+    if value == 0.0:
+        return value, vector, np.inf
     coordinates = _eigenvector(small, steps, value)
     for j in range(steps):
         for i in range(size):
