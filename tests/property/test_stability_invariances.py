@@ -15,6 +15,7 @@ from chatter_core.cutting import CuttingGain, ForceCoefficients, engagement
 from chatter_core.floquet import DelayedFeedback, DelayEquation, LinearSystem, MethodSettings, analyse
 from chatter_core.machine import Process, Tool
 from chatter_core.tip import TipModes, state_space
+from tests.conftest import milling_benchmark
 
 EXAMPLES = settings(max_examples=12, deadline=None, derandomize=True)
 #: Collocation at twice its default resolution errs by less than this near and below the boundary.
