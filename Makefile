@@ -6,7 +6,7 @@ STUDY  ?= reference
 ARGS   ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep point paper report bench test clean
+.PHONY: help run sweep point paper template report bench test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -23,6 +23,9 @@ point: $(VENV)/.installed ## the whole chain at one operating point, by ARGS="sp
 
 paper: $(VENV)/.installed ## the paper's findings: figures P1 to P9, and a table of what holds here
 	$(BIN)/python -m pipeline paper $(ARGS)
+
+template: $(VENV)/.installed ## an empty measurement campaign to fill in, by ARGS=output=DIR
+	$(BIN)/python -m pipeline template $(ARGS)
 
 report: $(VENV)/.installed ## write tables, figures and page of a finished study again, by ARGS=output=DIR
 	$(BIN)/python -m pipeline report $(ARGS)

@@ -15,6 +15,7 @@ VERBS = {
     "sweep": "compute a grid of operating points into a store, with lobes, tables, figures and report",
     "point": "the whole chain at one operating point",
     "paper": "the paper's findings on the reference machine: figures P1 to P9 and a table of what holds",
+    "template": "write an empty measurement campaign to fill in, every file, key and column explained",
     "report": "write tables, figures and report of a computed study again",
 }
 
@@ -31,17 +32,19 @@ examples
   python -m pipeline sweep machine=path/to/machine.yaml study=smoke output=my_results
   python -m pipeline point spindle_speed_rpm=12000 axial_depth_mm=1
   python -m pipeline point machine=path/to/machine.yaml spindle_speed_rpm=12000 axial_depth_mm=1 format=json
+  python -m pipeline template output=my_campaign
   python -m pipeline report output=results/smoke-1234abcd
 
 groups and their choices
 {groups}
 
 options of verbs
-  sweep   output=DIR, retry_failed=true
-  point   spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static,
-          format=text|json, output=DIR
-  paper   output=DIR
-  report  output=DIR
+  sweep    output=DIR, retry_failed=true
+  point    spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static,
+           format=text|json, output=DIR
+  paper    output=DIR
+  template output=DIR
+  report   output=DIR
 
 exit codes: 0 all well, 1 some points failed and are marked, 2 bad input, 3 store in use
 """
@@ -97,7 +100,7 @@ def _version() -> str:
 
 
 def _help() -> str:
-    verbs = "\n".join(f"  {name:8}{doc}" for name, doc in VERBS.items())
+    verbs = "\n".join(f"  {name:9}{doc}" for name, doc in VERBS.items())
     choices = "\n".join(f"  {name:8} {', '.join(found)}" for name, found in groups().items())
     return HELP.format(verbs=verbs, groups=choices)
 
