@@ -71,6 +71,17 @@ def engagement(process: Process) -> Engagement:
     return Engagement(entry=0.0, exit=math.pi)
 
 
+def axial_pitch(tool: Tool) -> float:
+    """Return the depth over which a helical edge lags by one tooth [m]: how the cut changes repeats with it.
+
+    Infinite for a straight edge.
+
+    See docs/physics.md#cutting.
+    """
+    lag = tool.teeth * math.tan(tool.helix_angle)
+    return math.pi * tool.diameter / lag if lag > 0.0 else math.inf
+
+
 @dataclass(frozen=True, kw_only=True)
 class CuttingGain:
     """Force on the tip per tip displacement since the last tooth, F = K(t) [w(t) - w(t - tau)].

@@ -31,7 +31,6 @@ def scipy_routine(library: str, name: str, arguments: str) -> Any:
     arguments: a letter for what each pointer is to, c for characters, i for integers, d for reals.
     """
     binding.add_symbol(f"chatter_{name}", get_cython_function_address(f"scipy.linalg.cython_{library}", name))
+    pointer: Any = types.CPointer
     kinds = {"c": types.uint8, "i": types.int32, "d": types.float64}
-    return types.ExternalFunction(
-        f"chatter_{name}", types.void(*(types.CPointer(kinds[argument]) for argument in arguments))
-    )
+    return types.ExternalFunction(f"chatter_{name}", types.void(*(pointer(kinds[argument]) for argument in arguments)))

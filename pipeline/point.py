@@ -89,6 +89,7 @@ def answer_point(
         mode_count=count,
         modal_parameters=options.modal_parameters,
         method=method,
+        cells="adaptive",
     )
     status = _name(STATUS, stability.status[0])
     multiplier = complex(stability.multiplier[0])

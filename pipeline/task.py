@@ -54,6 +54,7 @@ def _described(path: Path) -> tuple[Machine, dict[str, Any], dict[str, np.ndarra
     common = {
         "method": MethodSettings.model_validate(settings["method"]),
         "mode_selection": settings["grid"]["mode_selection"],
+        "cells": settings["grid"]["cells"],
     }
     return Machine.model_validate(settings["machine"]), common, values
 

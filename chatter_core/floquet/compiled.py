@@ -20,7 +20,7 @@ equal length share their integrals, and so do equal poles, for x and y are often
 import math
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +75,7 @@ class CompiledMonodromy:
     @property
     def states(self) -> int:
         """Parts of z."""
-        return self.alive.shape[1]
+        return int(self.alive.shape[1])
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -152,8 +152,8 @@ def build(equation: DelayEquation, refinement: Array | float = 1.0) -> CompiledM
     )  # fmt: skip
     return CompiledMonodromy(
         alive=alive.astype(float),
-        sees=_ranges(seen.any(axis=0)),
-        pushes=_ranges(driven.any(axis=0)),
+        sees=_ranges(np.any(seen != 0.0, axis=0)),
+        pushes=_ranges(np.any(driven != 0.0, axis=0)),
         system_index=which,
         piece=layout.piece,
         count=count,
@@ -177,10 +177,10 @@ def _taking_part(coupling: ComplexArray) -> NDArray[np.intp]:
     return found if len(found) else np.array([0])
 
 
-def _ranges(couples: NDArray[np.bool_]) -> NDArray[np.intp]:
+def _ranges(couples: NDArray[Any]) -> NDArray[np.intp]:
     """Return first and one past the last true entry of every row, (row, 2); zeros for a row without."""
     first, last = couples.argmax(axis=1), couples.shape[1] - couples[:, ::-1].argmax(axis=1)
-    return np.stack([first, last], axis=-1) * couples.any(axis=1)[:, None]
+    return np.asarray(np.stack([first, last], axis=-1) * couples.any(axis=1, keepdims=True))
 
 
 @cache
@@ -473,7 +473,7 @@ def _krylov(  # type: ignore[no-untyped-def]
 def _forces(  # type: ignore[no-untyped-def]
     sees, pushes, piece, count, cuts, table, advance, observe, drive, solve, gain, vectors, result
 ):
-    """Find the feedback force (real and imaginary part, point, element, input, node) for vectors (part, point, size)."""
+    """Find the feedback force (part, point, element, input, node) of vectors (part, point, size), part by part."""
     inputs, work, end = gain.shape[2], np.empty((2, observe.shape[2])), np.empty(vectors.shape[2])
     force = np.empty((piece.shape[1], drive.shape[3]))
     for p in range(len(piece)):

@@ -89,15 +89,14 @@ def critical_motion(monodromy: Monodromy, residual_tolerance: float = RESIDUAL_T
     )
 
 
-def critical_multiplier(
-    monodromy: Monodromy, residual_tolerance: float = RESIDUAL_TOLERANCE
-) -> CriticalMultiplier:
+def critical_multiplier(monodromy: Monodromy, residual_tolerance: float = RESIDUAL_TOLERANCE) -> CriticalMultiplier:
     """Return the multiplier of largest modulus of every point.
 
-    The Krylov space grows until the Ritz value of largest modulus has a small residual; a larger
-    Ritz value that has not settled yet therefore never hides behind a settled smaller one.
+    The Krylov space grows until the Ritz value of largest modulus has a residual below the tolerance,
+    relative to it; a larger Ritz value that has not settled yet therefore never hides behind a
+    settled smaller one.
 
-    residual_tolerance: of the residual, relative to the multiplier's modulus. A point for which the largest space does not suffice, or whose motion leaves the range of floating
+    A point for which the largest space does not suffice, or whose motion leaves the range of floating
     point within a period, is marked, not hidden.
 
     See docs/physics.md#critical-multiplier.

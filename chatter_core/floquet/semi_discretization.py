@@ -77,7 +77,7 @@ class SemiDiscretizationMonodromy:
     @property
     def states(self) -> int:
         """Number of states of the linear system."""
-        return self.present.shape[2]
+        return int(self.present.shape[2])
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -9,8 +9,9 @@ from chatter_core.chain import structure, structure_variables
 from chatter_core.errors import InvalidInput
 from chatter_core.floquet import MethodSettings
 from chatter_core.following import PATH_STEP, follow_modes, path_to
-from chatter_core.lobes import evaluate, evaluate_to_tolerance, lobe_block
+from chatter_core.lobes import evaluate_to_tolerance, lobe_block
 from chatter_core.machine import Machine, Tip
+from chatter_core.stability import evaluate
 from chatter_core.variables import BIFURCATION, STATUS
 from tests.conftest import COLLOCATION
 
