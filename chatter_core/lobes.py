@@ -216,8 +216,7 @@ def _evaluate_all(solver: _Solver, axial_depth: Array) -> tuple[Stability, Array
         again = np.flatnonzero(np.isin(index, pending))
         grid.overwrite(again, solver.evaluate(index[again], depth[again]))
     else:
-        unsettled = np.flatnonzero(np.isin(index, pending) & (grid.status == STATUS["ok"]))
-        grid.overwrite(unsettled, without_result(len(unsettled), solver.modes, STATUS["not_converged"]))
+        _mark_unsettled(solver, grid, np.isin(index, pending))
     return grid, error
 
 
@@ -234,6 +233,12 @@ def _too_inexact(solver: _Solver, pending: Indices, error: Array) -> Indices:
     pending = pending[~(error[pending] <= solver.method.tolerance)]
     solver.refinement[pending] *= REFINEMENT_STEP
     return pending
+
+
+def _mark_unsettled(solver: _Solver, grid: Stability, cells: NDArray[np.bool_]) -> None:
+    """Take the results from cells whose error stayed too large."""
+    unsettled = np.flatnonzero(cells & ~np.isin(grid.status, FAILED))
+    grid.overwrite(unsettled, without_result(len(unsettled), solver.modes, STATUS["not_converged"]))
 
 
 def _limits_within(solver: _Solver, axial_depth: Array, grid: Stability) -> Array:
@@ -295,8 +300,7 @@ def _evaluate_where_needed(solver: _Solver, axial_depth: Array) -> tuple[Stabili
         if not len(pending):
             break
     else:
-        cells = np.flatnonzero(np.isin(np.repeat(np.arange(speeds), depths), pending))
-        grid.overwrite(cells, without_result(len(cells), solver.modes, STATUS["not_converged"]))
+        _mark_unsettled(solver, grid, np.isin(np.repeat(np.arange(speeds), depths), pending))
         limits[pending] = np.nan
     return grid, error, limits
 

@@ -22,7 +22,7 @@ from filelock import FileLock, Timeout
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
-from chatter_core.variables import FAILED, STATUS
+from chatter_core.variables import FAILED, STATUS, WITH_RESULT
 from pipeline import report, store
 from pipeline.cluster import WORKER_PATIENCE, open_client, worker_count
 from pipeline.configuration import compose_settings, make_folder, sort_words
@@ -214,7 +214,7 @@ def _is_pending(path: Path, group: zarr.Group, chunk: store.Chunk, retry_failed:
     status = _readable_status(group, chunk)
     if (status == STATUS["pending"]).any() or (retry_failed and np.isin(status, FAILED).any()):
         return True
-    return bool((status != STATUS["pending"]).any() and not np.isin(status, FAILED).all()) and store.lost_part(path, group, chunk) is not None
+    return bool(np.isin(status, WITH_RESULT).any()) and store.lost_part(path, group, chunk) is not None
 
 
 def _depths(group: zarr.Group) -> int:
@@ -357,7 +357,7 @@ def _finish(output: Path, path: Path, journal: Journal) -> int:
         start=np.zeros(len(STATUS), dtype=int),
     )
     counts = {name: int(tally[code]) for name, code in STATUS.items() if tally[code]}
-    failed = {name: count for name, count in counts.items() if STATUS[name] in (STATUS["pending"], *FAILED)}
+    failed = {name: count for name, count in counts.items() if STATUS[name] not in WITH_RESULT}
     group.attrs["complete"] = "pending" not in counts
     try:
         written = report.write(output)

@@ -7,6 +7,10 @@ element's is formed:
     z(h) = exp(lambda h) z + drive f          f = K d at the nodes of an element
     (1 - respond K) d = observe z - w_delayed,   w = w_delayed + d
 
+With several delays f = K w - g, where g is the delayed outputs' part, so there
+
+    (1 - respond K) w = observe z - respond g.
+
 z holds one pole of each conjugate pair, its real and imaginary part side by side. The discretised
 state is z at the start of the period, and w at the nodes of every element in the cut a period ago.
 
@@ -25,8 +29,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_core.floquet import collocation
-from chatter_core.floquet.collocation import NODES
+from chatter_core.floquet import collocation, delays
+from chatter_core.floquet.collocation import NODES, Elements
+from chatter_core.floquet.delays import LookBack
 from chatter_core.floquet.equation import Array, ComplexArray, DelayEquation
 from chatter_core.floquet.multipliers import EXHAUSTED, WARM_UP
 from chatter_core.jit import compiled
@@ -50,8 +55,12 @@ class CompiledMonodromy:
     2), what couples. Of each point: system_index; piece (point, element), the piece that an element
     belongs to, count of elements; cuts (point, piece) and table (point, piece), whose integrals a piece
     takes; advance (point, piece, pole), observe (point, piece, value, part), drive (point, piece, part,
-    force); solve (point, element, value, value); gain (point, element, input, output, node); node_time
-    and node_weight (point, element, node). pushed: the equation's inputs that push any mode.
+    force), respond (point, piece, value, force); solve (point, element, value, value); gain (point,
+    element, input, output, node); node_time and node_weight (point, element, node). Of several delays
+    (no term for a single one): origin (point, element, term, node), the element in the cut, counted
+    alone, that holds the delayed output; past, whether a period ago; share (.., node), how it is
+    interpolated; term_gain (point, element, term, input, output, node). pushed: the equation's inputs
+    that push any mode.
     """
 
     alive: Array
@@ -65,8 +74,13 @@ class CompiledMonodromy:
     advance: ComplexArray
     observe: Array
     drive: Array
+    respond: Array
     solve: Array
     gain: Array
+    origin: NDArray[np.intp]
+    past: NDArray[np.bool_]
+    share: Array
+    term_gain: Array
     node_time: Array
     node_weight: Array
     pushed: NDArray[np.intp]
@@ -116,19 +130,25 @@ class CompiledMonodromy:
             self.advance,
             self.observe,
             self.drive,
+            self.respond,
             self.solve,
             self.gain,
+            self.origin,
+            self.past,
+            self.share,
+            self.term_gain,
         )
 
 
 def build(equation: DelayEquation, refinement: Array | float = 1.0) -> CompiledMonodromy:
     """Build the operator; ``refinement`` (point,) multiplies the number of elements.
 
-    Raises UnsupportedEquation as ``collocation.build`` does.
+    Raises UnsupportedEquation when a delay is not positive or longer than the period, when the state
+    matrix cannot be diagonalised, or when the refinement is below collocation.LEAST_REFINEMENT.
 
     See docs/physics.md#collocation.
     """
-    layout, time, gain = collocation.lay_out(equation, refinement)
+    layout, gain, look_back = _lay_out(equation, refinement)
     half, which = equation.system.half_spectrum, equation.system_index
     # A real pole has no imaginary part, and filling has neither: they start at zero and stay there.
     weight = np.where(half.poles.imag > 0.0, 2.0, half.poles.imag == 0.0)
@@ -137,7 +157,11 @@ def build(equation: DelayEquation, refinement: Array | float = 1.0) -> CompiledM
     shown, pushed = _taking_part(half.seen.swapaxes(1, 2)), _taking_part(half.driven)
     seen = np.ascontiguousarray(half.seen[:, shown])
     driven = np.ascontiguousarray((half.driven * (weight > 0.0)[..., None])[..., pushed])
-    gain = np.ascontiguousarray(gain[..., pushed[:, None], shown].transpose(0, 1, 3, 4, 2))
+    gain, term_gain = (
+        np.ascontiguousarray(np.moveaxis(array[..., pushed[:, None], shown], -3, -1))
+        for array in (gain, look_back.gain)
+    )
+    in_cut = np.cumsum(layout.acts, axis=1) - 1
     # Pieces of no length may lie between others; what is behind the last element is filling.
     count = layout.length.shape[1] - (layout.length[:, ::-1] > 0.0).argmax(axis=1)
     (points, elements), pieces = layout.piece.shape, layout.cuts.shape[1]
@@ -145,10 +169,11 @@ def build(equation: DelayEquation, refinement: Array | float = 1.0) -> CompiledM
     table = np.empty((points, pieces), dtype=np.intp)
     advance = np.empty((points, pieces, parts // 2), dtype=complex)
     observe, drive = np.empty((points, pieces, values, parts)), np.empty((points, pieces, parts, forces))
+    respond = np.empty((points, pieces, values, forces))
     solve = np.empty((points, elements, values, values))
     _prepare(
         *_tables(), half.poles, seen, driven, which, layout.piece, count, layout.cuts, layout.piece_length, gain,
-        table, advance, observe, drive, solve,
+        table, advance, observe, drive, respond, solve,
     )  # fmt: skip
     return CompiledMonodromy(
         alive=alive.astype(float),
@@ -162,12 +187,36 @@ def build(equation: DelayEquation, refinement: Array | float = 1.0) -> CompiledM
         advance=advance,
         observe=observe,
         drive=drive,
+        respond=respond,
         solve=solve,
         gain=gain,
-        node_time=time,
+        origin=in_cut[np.arange(points)[:, None, None, None], look_back.element],
+        past=look_back.past,
+        share=look_back.weight,
+        term_gain=term_gain,
+        node_time=layout.node_time,
         node_weight=layout.length[..., None] * collocation.gauss(NODES)[1],
         pushed=pushed,
         inputs=half.driven.shape[-1],
+    )
+
+
+def _lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Elements, Array, LookBack]:
+    """Return elements, the sum of all gains at their nodes, and where they look back to: nowhere with one delay."""
+    if not delays.is_one_period(equation):
+        layout, look_back = delays.lay_out(equation, refinement)
+        return layout, look_back.gain.sum(axis=2), look_back
+    layout, _, gain = collocation.lay_out(equation, refinement)
+    none = (*layout.piece.shape, 0, NODES)
+    return (
+        layout,
+        gain,
+        LookBack(
+            element=np.zeros(none, dtype=np.intp),
+            past=np.zeros(none, dtype=bool),
+            weight=np.zeros((*none, NODES)),
+            gain=np.zeros((*none, *gain.shape[-2:])),
+        ),
     )
 
 
@@ -312,12 +361,10 @@ def _invert(matrix, swapped):  # type: ignore[no-untyped-def]
 @compiled
 def _prepare(  # type: ignore[no-untyped-def]
     nodes, series, at_end, at_start, poles, seen, driven, system, piece, count, cuts, length, gain,
-    table, advance, observe, drive, solve,
+    table, advance, observe, drive, respond, solve,
 ):  # fmt: skip
     """Fill the integrals of every piece and the inverse of every element, point by point."""
-    outputs, inputs = seen.shape[1], driven.shape[2]
-    values, swapped = NODES * outputs, np.empty(NODES * outputs, np.int64)
-    respond = np.empty((cuts.shape[1], values, NODES * inputs))
+    swapped = np.empty(solve.shape[2], np.int64)
     for p in range(len(piece)):
         own = poles[system[p]]
         for q in range(cuts.shape[1]):
@@ -332,11 +379,11 @@ def _prepare(  # type: ignore[no-untyped-def]
             if table[p, q] == q:
                 _integrate(
                     nodes, series, at_end, at_start, own, seen[system[p]], driven[system[p]], length[p, q],
-                    advance[p, q], observe[p, q], drive[p, q], respond[q],
+                    advance[p, q], observe[p, q], drive[p, q], respond[p, q],
                 )  # fmt: skip
         for e in range(count[p]):
             if cuts[p, piece[p, e]]:
-                _fill_implicit(respond[table[p, piece[p, e]]], gain[p, e], solve[p, e])
+                _fill_implicit(respond[p, table[p, piece[p, e]]], gain[p, e], solve[p, e])
                 _invert(solve[p, e], swapped)
 
 
@@ -355,13 +402,15 @@ def _fill_implicit(respond, gain, matrix):  # type: ignore[no-untyped-def]
 
 @compiled
 def _apply(  # type: ignore[no-untyped-def]
-    start, end, force, work, sees, pushes, piece, count, cuts, table, advance, observe, drive, solve, gain
-):
+    start, end, force, work, sees, pushes, piece, count, cuts, table, advance, observe, drive, respond, solve, gain,
+    origin, past, share, term_gain,
+):  # fmt: skip
     """Map one vector over a period; the forces (element, input and node) are left in ``force``."""
     parts, values = drive.shape[1], observe.shape[1]
     inputs, outputs = gain.shape[1], gain.shape[2]
-    z, mismatch, difference = end[:parts], work[0, :values], work[1, :values]
+    z, mismatch, difference, delayed = end[:parts], work[0, :values], work[1, :values], work[2]
     z[:] = start[:parts]
+    several = origin.shape[1] > 0
     offset = parts
     for e in range(count):
         p, acts = table[piece[e]], cuts[piece[e]]
@@ -372,12 +421,19 @@ def _apply(  # type: ignore[no-untyped-def]
                 visible = z[seen]
                 for j in range(o * NODES, (o + 1) * NODES):
                     row = observe[p, j]
-                    mismatch[j] = _dot(row[seen], visible) - before[j]
+                    mismatch[j] = _dot(row[seen], visible)
+            if several:
+                _look_back(
+                    start[parts:], end[parts:], origin[e], past[e], share[e], term_gain[e], delayed[: inputs * NODES]
+                )
+            for j in range(values):
+                mismatch[j] -= _dot(respond[p, j], delayed[: inputs * NODES]) if several else before[j]
             for j in range(values):
                 difference[j] = _dot(solve[e, j], mismatch)
-                after[j] = before[j] + difference[j]
+                after[j] = difference[j] if several else before[j] + difference[j]
             acting = force[e]
-            acting[:] = 0.0
+            for s in range(inputs * NODES):
+                acting[s] = -delayed[s] if several else 0.0
             for c in range(inputs):
                 for b in range(outputs):
                     for m in range(NODES):
@@ -391,6 +447,21 @@ def _apply(  # type: ignore[no-untyped-def]
                 real, imaginary, acting = drive[p, 2 * k], drive[p, 2 * k + 1], force[e]
                 z[2 * k] += _dot(real[pushing], acting[pushing])
                 z[2 * k + 1] += _dot(imaginary[pushing], acting[pushing])
+
+
+@compiled
+def _look_back(start, end, origin, past, share, term_gain, delayed):  # type: ignore[no-untyped-def]
+    """Add up what delayed outputs, of this period or the one before, do to the forces at an element's nodes."""
+    inputs, outputs = term_gain.shape[1], term_gain.shape[2]
+    delayed[:] = 0.0
+    for term in range(len(origin)):
+        for m in range(NODES):
+            for b in range(outputs):
+                first, value = (origin[term, m] * outputs + b) * NODES, 0.0
+                for i in range(NODES):
+                    value += share[term, m, i] * (start[first + i] if past[term, m] else end[first + i])
+                for c in range(inputs):
+                    delayed[c * NODES + m] += term_gain[term, c, b, m] * value
 
 
 @compiled
@@ -437,19 +508,20 @@ def _orthogonalise(new, basis, hessenberg, j, size):  # type: ignore[no-untyped-
 
 @compiled
 def _krylov(  # type: ignore[no-untyped-def]
-    sees, pushes, piece, count, cuts, table, advance, observe, drive, solve, gain, alive, system, start, basis,
-    hessenberg,
+    sees, pushes, piece, count, cuts, table, advance, observe, drive, respond, solve, gain, origin, past, share,
+    term_gain, alive, system, start, basis, hessenberg,
 ):  # fmt: skip
     """Build the Krylov space of every point by Arnoldi's method."""
     parts, values, steps = alive.shape[1], observe.shape[2], hessenberg.shape[2]
-    new, work = np.empty(len(start)), np.empty((2, values))
+    new, work = np.empty(len(start)), np.empty((3, max(values, drive.shape[3])))
     force = np.empty((piece.shape[1], drive.shape[3]))
     for p in range(len(piece)):
         size = parts
         for e in range(count[p]):
             size += values * cuts[p, piece[p, e]]
         maps = (
-            sees, pushes, piece[p], count[p], cuts[p], table[p], advance[p], observe[p], drive[p], solve[p], gain[p],
+            sees, pushes, piece[p], count[p], cuts[p], table[p], advance[p], observe[p], drive[p], respond[p], solve[p],
+            gain[p], origin[p], past[p], share[p], term_gain[p],
         )  # fmt: skip
         for i in range(size):
             new[i] = start[i] * alive[system[p], i] if i < parts else start[i]
@@ -471,16 +543,18 @@ def _krylov(  # type: ignore[no-untyped-def]
 
 @compiled
 def _forces(  # type: ignore[no-untyped-def]
-    sees, pushes, piece, count, cuts, table, advance, observe, drive, solve, gain, vectors, result
-):
+    sees, pushes, piece, count, cuts, table, advance, observe, drive, respond, solve, gain, origin, past, share,
+    term_gain, vectors, result,
+):  # fmt: skip
     """Find the feedback force (part, point, element, input, node) of vectors (part, point, size), part by part."""
-    inputs, work, end = gain.shape[2], np.empty((2, observe.shape[2])), np.empty(vectors.shape[2])
+    inputs, end = gain.shape[2], np.empty(vectors.shape[2])
+    work = np.empty((3, max(observe.shape[2], drive.shape[3])))
     force = np.empty((piece.shape[1], drive.shape[3]))
     for p in range(len(piece)):
         for part in range(len(vectors)):
             _apply(
                 vectors[part, p], end, force, work, sees, pushes, piece[p], count[p], cuts[p], table[p], advance[p],
-                observe[p], drive[p], solve[p], gain[p],
+                observe[p], drive[p], respond[p], solve[p], gain[p], origin[p], past[p], share[p], term_gain[p],
             )  # fmt: skip
             for e in range(count[p]):
                 for s in range(inputs * NODES if cuts[p, piece[p, e]] else 0):
