@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 #: Points analysed at once, at most; and the memory that they may take together [bytes].
-BATCH = 64
+BATCH = 256
 BATCH_MEMORY = 64e6
 #: Waves of the fastest mode in a tooth period beyond which a point is not analysed: a crawling spindle.
 MOST_WAVES = 600.0
@@ -145,14 +145,14 @@ def _waves(machine: Machine, built: Structure) -> Array:
 def _batches(candidates: NDArray[np.intp], waves: Array, method: MethodSettings) -> Iterator[NDArray[np.intp]]:
     """Yield points in batches that fit the memory; ``waves`` ascend.
 
-    The harmonics of the force take harmonics times samples, both in proportion to the waves; the
-    maps of the elements or intervals take their number times some 20 kB.
+    The maps of the elements or intervals, the Krylov space and the harmonics take memory in proportion
+    to their number, some 30 kB each.
     """
     first = 0
     while first < len(candidates):
         last = min(first + BATCH, len(candidates))
         most = waves[last - 1]
-        memory = 720.0 * most**2 + 24e3 * (most + 1.0) + 24e3 * (method.intervals or 0)
+        memory = 30e3 * (most + 1.0) + 24e3 * (method.intervals or 0)
         last = max(first + 1, min(last, first + int(BATCH_MEMORY / memory)))
         yield candidates[first:last]
         first = last

@@ -178,7 +178,7 @@ def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Element
     delays = [feedback.delay for feedback in equation.feedback]
     if len(delays) != 1 or np.any(np.abs(delays[0] - equation.period) > DELAY_TOLERANCE * equation.period):
         raise UnsupportedEquation(
-            "collocation solves one delay equal to the period; semi_discretization takes any delays up to it"
+            "the plain collocation solves one delay equal to the period; the compiled one takes any delays up to it"
         )
     breakpoints = np.sort(equation.breakpoints, axis=1)
     cuts = acting_pieces(equation.feedback[0], breakpoints, equation.period)
