@@ -158,8 +158,8 @@ def test_the_error_estimate_covers_the_error_and_meets_the_tolerance(tolerance, 
     exact = evaluate(reference_machine, built, np.arange(3), np.repeat(depth, 3), finest, np.full(3, 8.0))
     error = np.abs(block.spectral_radius[:, 0] / exact.spectral_radius - 1.0)
     assert np.all(block.error_estimate <= tolerance)
-    # The estimate compares with a mesh 1.5 times as fine, which leaves at most a hundredth of the error.
-    assert np.all(error <= 1.05 * block.error_estimate + 1e-9)
+    # Rounding and the residual of eigenvalues in the reference.
+    assert np.all(error <= block.error_estimate + 1e-9)
 
 
 def test_frequencies_and_modal_stiffness_of_the_reference_machine(reference_machine):
