@@ -169,12 +169,13 @@ class _Solver:
         semi-discretization with collocation, because with its own doubled intervals it can agree on a
         wrong branch.
         """
-        finer = ERROR_REFERENCE
+        finer, covering = ERROR_REFERENCE, 1.0
         if self.method.tolerance is not None:
+            covering = FINER_ERROR
             finer = self.method.model_copy(update={"tolerance": STRICTER * self.method.tolerance})
         refinement = REFINEMENT_STEP * self.refinement[speed]
         fine = critical_multipliers(self.machine, self.built, speed, depth, finer, refinement)
-        return np.asarray(FINER_ERROR * np.abs(radius / np.abs(fine) - 1.0))
+        return np.asarray(covering * np.abs(radius / np.abs(fine) - 1.0))
 
     def crossings(self, look: Multipliers, depth: Array, known: ComplexArray, finest: float = np.inf) -> Array:
         """Return the limit depths (speed, crossing) from multipliers known at some depths (speed, depth)."""
