@@ -6,7 +6,7 @@ STUDY  ?= reference
 ARGS   ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep point identify paper report bench test clean
+.PHONY: help run sweep point identify paper template report bench test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -21,11 +21,14 @@ sweep: $(VENV)/.installed ## compute any study, by STUDY=name
 point: $(VENV)/.installed ## the whole chain at one operating point, by ARGS="spindle_speed_rpm=12000 axial_depth_mm=1"
 	$(BIN)/python -m pipeline point $(ARGS)
 
-identify: $(VENV)/.installed ## tip modes from measured receptances, by ARGS="frf=frf.csv machine=machine.yaml output=machine_tip.yaml"
+identify: $(VENV)/.installed ## tip modes from measured receptances, by ARGS="campaign=DIR output=FILE.yaml"
 	$(BIN)/python -m pipeline identify $(ARGS)
 
 paper: $(VENV)/.installed ## the paper's findings: figures P1 to P9, and a table of what holds here
 	$(BIN)/python -m pipeline paper $(ARGS)
+
+template: $(VENV)/.installed ## an empty measurement campaign to fill in, by ARGS=output=DIR
+	$(BIN)/python -m pipeline template $(ARGS)
 
 report: $(VENV)/.installed ## write tables, figures and page of a finished study again, by ARGS=output=DIR
 	$(BIN)/python -m pipeline report $(ARGS)

@@ -65,15 +65,33 @@ def cases() -> list[Case]:
     ]
 
 
+def many_modes(modes: int) -> Case:
+    """Return a case of many modes in x and y, 500 to 2500 Hz, on the two-tooth cut: what cost grows with."""
+    tip = [
+        {
+            "axis": axis,
+            "natural_frequency_hz": float(frequency) * (1.0 if axis == "x" else 1.03),
+            "damping_ratio": 0.03,
+            "stiffness_n_um": 10.0,
+        }
+        for axis in ("x", "y")
+        for frequency in np.linspace(2_500.0, 500.0, modes)
+    ]
+    machine = Machine.model_validate({**_cut(0.5), "tip": {"modes": tip}})
+    return Case(name=f"{modes} modes", machine=machine, modes=modes, speeds=(5_000.0, 25_000.0), depths=(0.1, 5.0))
+
+
 def _two_teeth(axes: tuple[str, ...], immersion: float) -> Machine:
     """Return the benchmark of T. Insperger and G. Stepan, Int. J. Numer. Meth. Engng 61 (2004) 117-141."""
     stiffness = 0.03993 * (2.0 * np.pi * 922.0) ** 2 * 1e-6
     mode = {"natural_frequency_hz": 922.0, "damping_ratio": 0.011, "stiffness_n_um": stiffness}
-    return Machine.model_validate(
-        {
-            "tip": {"modes": [{"axis": axis, **mode} for axis in axes]},
-            "tool": {"teeth": 2, "diameter_mm": 10.0, "helix_angle_deg": 0.0, "rake_angle_deg": 0.0},
-            "cutting": {"kt_mpa": 600.0, "kn": 1.0 / 3.0, "friction_coefficient": 0.0},
-            "process": {"direction": "down", "radial_immersion": immersion, "feed_per_tooth_mm": 0.1},
-        }
-    )
+    return Machine.model_validate({**_cut(immersion), "tip": {"modes": [{"axis": axis, **mode} for axis in axes]}})
+
+
+def _cut(immersion: float) -> dict[str, dict[str, object]]:
+    """Return tool, cutting and process of the two-tooth benchmark."""
+    return {
+        "tool": {"teeth": 2, "diameter_mm": 10.0, "helix_angle_deg": 0.0, "rake_angle_deg": 0.0},
+        "cutting": {"kt_mpa": 600.0, "kn": 1.0 / 3.0, "friction_coefficient": 0.0},
+        "process": {"direction": "down", "radial_immersion": immersion, "feed_per_tooth_mm": 0.1},
+    }

@@ -117,7 +117,10 @@ def milling_equation(
     space = tip.state_space(structure.modes.at(used))
     return floquet.DelayEquation(
         system=floquet.LinearSystem(
-            state_matrix=space.state_matrix, input_matrix=space.input_matrix, output_matrix=space.output_matrix
+            state_matrix=space.state_matrix,
+            input_matrix=space.input_matrix,
+            output_matrix=space.output_matrix,
+            known_spectrum=floquet.Spectrum(poles=space.poles, modes=space.eigenvectors, inverse=space.inverse),
         ),
         system_index=system_index,
         feedback=(floquet.DelayedFeedback(gain=gain, delay=gain.tooth_period),),

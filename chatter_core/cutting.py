@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter_core.jit import compiled
 from chatter_core.machine import Cutting, Process, Tool
 
 Array = NDArray[np.float64]
@@ -70,6 +71,17 @@ def engagement(process: Process) -> Engagement:
     return Engagement(entry=0.0, exit=math.pi)
 
 
+def axial_pitch(tool: Tool) -> float:
+    """Return the depth over which a helical edge lags by one tooth [m]: how the cut changes repeats with it.
+
+    Infinite for a straight edge.
+
+    See docs/physics.md#cutting.
+    """
+    lag = tool.teeth * math.tan(tool.helix_angle)
+    return math.pi * tool.diameter / lag if lag > 0.0 else math.inf
+
+
 @dataclass(frozen=True, kw_only=True)
 class CuttingGain:
     """Force on the tip per tip displacement since the last tooth, F = K(t) [w(t) - w(t - tau)].
@@ -107,31 +119,50 @@ class CuttingGain:
 
     def __call__(self, time: Array) -> Array:
         """Return K at times (point, ...) [N/m]."""
-        wide = (slice(None), *(None,) * (time.ndim - 1))
-        lag, depth = self.lag_angle[wide][..., None], self.axial_depth[wide][..., None]
-        pitch = 2.0 * math.pi / self.tool.teeth
-        # Tooth angles of all edges that can be in the cut: an edge is still in after its tip has left.
-        edges = math.ceil((self.engagement.exit + float(self.lag_angle.max())) / pitch) + 1
-        phase = np.mod(self.spindle_speed[wide] * time, pitch)
-        angle = phase[..., None] + pitch * np.arange(edges)
-        # The share of the edge, from its tip, at which it leaves and enters: no difference of nearly
-        # equal angles is taken, so a straight edge is the limit and no special case.
-        steep = np.maximum(lag, SMALLEST_LAG)
-        leaves = np.clip((angle - self.engagement.exit) / steep, 0.0, 1.0)
-        enters = np.clip((angle - self.engagement.entry) / steep, 0.0, 1.0)
-        share = enters - leaves
-        return self._directional_matrix(depth * share, lag * share, angle - 0.5 * lag * (enters + leaves))
-
-    def _directional_matrix(self, engaged: Array, span: Array, middle: Array) -> Array:
-        """Integrate the directional coefficients over arcs of given engaged length [m], span and middle [rad]."""
-        ripple = np.sinc(span / math.pi)  # sin(span) / span
-        sine_sine = (engaged * (1.0 - ripple * np.cos(2.0 * middle))).sum(axis=-1) / 2.0
-        cosine_cosine = (engaged * (1.0 + ripple * np.cos(2.0 * middle))).sum(axis=-1) / 2.0
-        sine_cosine = (engaged * ripple * np.sin(2.0 * middle)).sum(axis=-1) / 2.0
-        tangential, radial = self.coefficients.tangential, self.coefficients.radial
-        gain = np.empty((*sine_sine.shape, 2, 2))
-        gain[..., 0, 0] = -tangential * sine_cosine - radial * sine_sine
-        gain[..., 0, 1] = -tangential * cosine_cosine - radial * sine_cosine
-        gain[..., 1, 0] = tangential * sine_sine - radial * sine_cosine
-        gain[..., 1, 1] = tangential * sine_cosine - radial * cosine_cosine
+        gain = np.zeros((*time.shape, 2, 2))
+        _add_edges(
+            time.reshape(len(time), -1),
+            self.spindle_speed,
+            self.axial_depth,
+            self.lag_angle,
+            2.0 * math.pi / self.tool.teeth,
+            (self.engagement.entry, self.engagement.exit),
+            (self.coefficients.tangential, self.coefficients.radial),
+            gain.reshape(len(time), -1, 2, 2),
+        )
         return gain
+
+
+@compiled
+def _add_edges(  # type: ignore[no-untyped-def]
+    time, spindle_speed, axial_depth, lag_angle, pitch, engagement, coefficients, gain
+):
+    """Add up the directional matrices of all edges in the cut at times (point, time)."""
+    entry, leave = engagement
+    tangential, radial = coefficients
+    first = math.floor(entry / pitch)
+    for p in range(len(time)):
+        lag, depth = lag_angle[p], axial_depth[p]
+        steep = max(lag, SMALLEST_LAG)
+        # An edge is still in the cut after its tip has left.
+        last = math.ceil((leave + lag) / pitch)
+        for t in range(time.shape[1]):
+            phase = (spindle_speed[p] * time[p, t]) % pitch
+            for edge in range(first, last + 1):
+                angle = phase + pitch * edge
+                # The share of the edge, from its tip, at which it leaves and enters: no difference of nearly
+                # equal angles is taken, so a straight edge is the limit and no special case.
+                leaves = min(max((angle - leave) / steep, 0.0), 1.0)
+                enters = min(max((angle - entry) / steep, 0.0), 1.0)
+                if enters <= leaves:
+                    continue
+                engaged, span = 0.5 * depth * (enters - leaves), lag * (enters - leaves)
+                twice = 2.0 * angle - lag * (enters + leaves)
+                ripple = engaged * math.sin(span) / span if span > 0.0 else engaged
+                sine_cosine = ripple * math.sin(twice)
+                sine_sine = engaged - ripple * math.cos(twice)
+                cosine_cosine = engaged + ripple * math.cos(twice)
+                gain[p, t, 0, 0] -= tangential * sine_cosine + radial * sine_sine
+                gain[p, t, 0, 1] -= tangential * cosine_cosine + radial * sine_cosine
+                gain[p, t, 1, 0] += tangential * sine_sine - radial * sine_cosine
+                gain[p, t, 1, 1] += tangential * sine_cosine - radial * cosine_cosine

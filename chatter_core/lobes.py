@@ -1,71 +1,45 @@
-"""Stability lobes: the spectral radius over speed and depth, and the depths where it is one.
-
-Sources: T. Insperger, G. Stepan, Semi-Discretization for Time-Delay Systems (Springer 2011),
-chapter 5 (multipliers, kinds of stability loss and chatter frequencies in milling); T. R.
-Chandrupatla, Adv. Eng. Softw. 28 (1997) 145-149 (the bracketing root finder, as in scipy).
-"""
+"""Stability lobes: the spectral radius over speed and depth, and the depths where it is one."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import elementwise
 
-from chatter_core.chain import Structure, milling_equation, structure
-from chatter_core.floquet import FloquetSolution, MethodSettings, analyse
+from chatter_core import cutting
+from chatter_core.chain import Structure, structure
+from chatter_core.crossings import Multipliers, find_crossings
+from chatter_core.floquet import MethodSettings
 from chatter_core.machine import Machine
-from chatter_core.variables import BIFURCATION, STATUS
+from chatter_core.stability import Stability, critical_multipliers, evaluate, without_result
+from chatter_core.variables import FAILED, STATUS
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+Indices = NDArray[np.intp]
 
 #: Crossings kept for each speed; stability is lost at the odd ones and regained at the even ones.
 CROSSINGS = 8
-#: Points analysed at once, at most; and the memory that they may take together [bytes].
-BATCH = 64
-BATCH_MEMORY = 64e6
-#: Waves of the fastest mode in a tooth period beyond which a point is not analysed: a crawling spindle.
-MOST_WAVES = 600.0
-#: The same times the refinement of the resolution.
-MOST_RESOLVED_WAVES = 1500.0
-#: Limit depths are found to this [m].
-DEPTH_TOLERANCE = 1e-7
 #: Below the first depth asked for, the boundary is looked for down to this share of it.
 SHALLOWEST = 1e-3
+#: Where depths are looked at only where needed, the first looks are at these shares of the deepest.
+FIRST_LOOK = (1e-3, 0.25, 1.0)
+#: Of two crossings nearer than this share of the deepest depth none may be seen.
+FINEST = 1.0 / 64.0
+#: Near the boundary, depths looked at lie no farther apart than this share of the edge's axial pitch.
+PITCH_SHARE = 1.0 / 8.0
 #: A finer look multiplies the resolution by this.
 REFINEMENT_STEP = 1.5
-#: Cells of a speed, those nearest to the boundary, of which the error is estimated.
+#: Depths of a speed, those nearest to the boundary, of which the error is estimated.
 ERROR_CELLS = 2
+#: The finer look errs too, by up to a seventh of what the first does: estimates are stated so much larger.
+FINER_ERROR = 1.15
+#: What collocation is compared with has this share of its tolerance, which settles its eigenvalues better.
+STRICTER = 1e-2
 #: What semi-discretization is compared with.
 ERROR_REFERENCE = MethodSettings(name="collocation", tolerance=1e-4)
 #: Looks finer than the first before a point counts as not converged.
 REFINEMENTS = 8
-#: A multiplier counts as real when its imaginary part is below this share of its modulus.
-REAL_TOLERANCE = 1e-9
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stability:
-    """Stability of operating points; every array is (point,), but for mode_share (point, mode).
-
-    spectral_radius [-]; multiplier, the critical Floquet multiplier; chatter_frequency [rad/s],
-    the strongest line of its branch at the tip; bifurcation, a value of variables.BIFURCATION;
-    mode_share, the share of each mode of both axes in the energy of the critical motion; status,
-    a value of variables.STATUS. Where the status is not ok, numbers are NaN and codes are 0.
-    """
-
-    spectral_radius: Array
-    multiplier: NDArray[np.complex128]
-    chatter_frequency: Array
-    bifurcation: NDArray[np.int8]
-    mode_share: Array
-    status: NDArray[np.uint8]
-
-    @property
-    def dominant_mode(self) -> NDArray[np.int8]:
-        """Number of the mode with the largest share, from 1; 0 where there is no result."""
-        ok = self.status == STATUS["ok"]
-        return np.where(ok, np.argmax(np.nan_to_num(self.mode_share), axis=-1) + 1, 0).astype(np.int8)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,12 +73,14 @@ def lobe_block(
     modal_parameters: str,
     method: MethodSettings,
     mode_selection: str = "up_to",
+    cells: str = "all",
 ) -> LobeBlock:
     """Compute the lobes of a block of speeds (speed,) [rad/s] on a grid of depths (depth,) [m].
 
+    With ``cells`` ``all`` every cell is evaluated. With ``adaptive`` depths are chosen, speed by speed,
+    as the search for the boundary needs them; cells between them are interpolated and say so.
     The resolution is raised, speed by speed, until the spectral radius nearest to one changes by
     less than the method's tolerance; a speed for which that fails is marked not converged.
-    Crossings are bracketed by the grid, so of two within one step of depth none is seen.
 
     Raises InvalidInput when the machine has fewer modes than ``mode_count``.
 
@@ -117,13 +93,18 @@ def lobe_block(
         modal_parameters=modal_parameters,
         mode_selection=mode_selection,
     )
-    grid, refinement, error = _resolved_grid(machine, built, axial_depth, method)
-    limits, at_limit = _limit_depths(machine, built, axial_depth, grid, method, refinement)
+    solver = _Solver(machine=machine, built=built, method=method, refinement=np.ones(len(spindle_speed)))
+    if cells == "all":
+        grid, error = _evaluate_all(solver, axial_depth)
+        limits = _limits_within(solver, axial_depth, grid)
+    else:
+        grid, error, limits = _evaluate_where_needed(solver, axial_depth)
+    at_limit = solver.at_limits(limits)
     shape = (len(spindle_speed), len(axial_depth))
-    ok = grid.status == STATUS["ok"]
+    known = np.isfinite(grid.multiplier)
     return LobeBlock(
         spectral_radius=grid.spectral_radius.reshape(shape),
-        multiplier_angle=np.where(ok, np.angle(grid.multiplier), np.nan).reshape(shape),
+        multiplier_angle=np.where(known, np.angle(grid.multiplier), np.nan).reshape(shape),
         chatter_frequency=grid.chatter_frequency.reshape(shape),
         bifurcation=grid.bifurcation.reshape(shape),
         dominant_mode=grid.dominant_mode.reshape(shape),
@@ -135,37 +116,6 @@ def lobe_block(
         limit_bifurcation=at_limit.bifurcation.reshape(limits.shape),
         status=grid.status.reshape(shape),
     )
-
-
-def evaluate(
-    machine: Machine,
-    built: Structure,
-    speed_index: NDArray[np.intp],
-    axial_depth: Array,
-    method: MethodSettings,
-    refinement: Array,
-) -> Stability:
-    """Evaluate operating points: speed_index (point,) into the structure, axial_depth (point,) [m].
-
-    refinement: (point,), multiplies the method's resolution.
-
-    See docs/physics.md#lobes.
-    """
-    modes = int(built.modes.label.max())
-    result = _empty(len(axial_depth), modes)
-    waves = _waves(machine, built)[speed_index]
-    possible = built.solved[speed_index] & (waves <= MOST_WAVES)
-    result.status[~possible] = STATUS["outside_validity"]
-    resolved = waves * refinement
-    result.status[possible & (resolved > MOST_RESOLVED_WAVES)] = STATUS["not_converged"]
-    candidates = np.flatnonzero(possible & (resolved <= MOST_RESOLVED_WAVES))
-    # Points of like resolution together: a batch is as fine as its finest point.
-    candidates = candidates[np.argsort(resolved[candidates], kind="stable")]
-    for points in _batches(candidates, resolved[candidates], method):
-        equation = milling_equation(machine, built, speed_index[points], axial_depth[points])
-        solution = analyse(equation, method, refinement[points])
-        _fill(result, points, built, speed_index[points], solution)
-    return result
 
 
 def evaluate_to_tolerance(
@@ -185,193 +135,208 @@ def evaluate_to_tolerance(
             modes=built.modes.at(np.array([speed])),
             solved=built.solved[[speed]],
         )
-        stability, _, error = _resolved_grid(machine, one, np.array([depth]), method)
+        solver = _Solver(machine=machine, built=one, method=method, refinement=np.ones(1))
+        stability, error = _evaluate_all(solver, np.array([depth]))
         results.append(stability)
         errors.append(error)
     joined = {f.name: np.concatenate([getattr(r, f.name) for r in results]) for f in fields(Stability)}
     return Stability(**joined), np.concatenate(errors)
 
 
-def _waves(machine: Machine, built: Structure) -> Array:
-    """Return the waves of the fastest mode in a tooth period (speed,); NaN where nothing is known."""
-    with np.errstate(divide="ignore"):
-        period = 2.0 * np.pi / (machine.tool.teeth * built.spindle_speed)
-    return np.asarray(built.modes.natural_frequency.max(axis=1) * period / (2.0 * np.pi))
+@dataclass(frozen=True, kw_only=True)
+class _Solver:
+    """What evaluates the points of a block; refinement (speed,) of the resolution is raised in place."""
+
+    machine: Machine
+    built: Structure
+    method: MethodSettings
+    refinement: Array
+
+    @property
+    def modes(self) -> int:
+        return int(self.built.modes.label.max())
+
+    def evaluate(self, speed: Indices, depth: Array) -> Stability:
+        return evaluate(self.machine, self.built, speed, depth, self.method, self.refinement[speed])
+
+    def multipliers(self, speed: Indices, depth: Array) -> ComplexArray:
+        return critical_multipliers(self.machine, self.built, speed, depth, self.method, self.refinement[speed])
+
+    def error(self, speed: Indices, depth: Array, radius: Array) -> Array:
+        """Estimate relative errors of spectral radii (point,).
+
+        Collocation is compared with itself on a finer mesh, with eigenvalues that are better settled;
+        semi-discretization with collocation, because with its own doubled intervals it can agree on a
+        wrong branch.
+        """
+        finer, covering = ERROR_REFERENCE, 1.0
+        if self.method.tolerance is not None:
+            covering = FINER_ERROR
+            finer = self.method.model_copy(update={"tolerance": STRICTER * self.method.tolerance})
+        refinement = REFINEMENT_STEP * self.refinement[speed]
+        fine = critical_multipliers(self.machine, self.built, speed, depth, finer, refinement)
+        return np.asarray(covering * np.abs(radius / np.abs(fine) - 1.0))
+
+    def crossings(self, look: Multipliers, depth: Array, known: ComplexArray, finest: float = np.inf) -> Array:
+        """Return the limit depths (speed, crossing) from multipliers known at some depths (speed, depth)."""
+        return find_crossings(
+            look,
+            depth,
+            known,
+            finest=min(FINEST * depth[-1], finest),
+            coarsest=PITCH_SHARE * cutting.axial_pitch(self.machine.tool),
+            most=CROSSINGS,
+        ).depth
+
+    def at_limits(self, limits: Array) -> Stability:
+        """Evaluate the limit depths (speed, crossing); those that are not there have no result."""
+        result = without_result(limits.size, self.modes)
+        found = np.flatnonzero(np.isfinite(limits.ravel()))
+        if len(found):
+            speed = np.repeat(np.arange(len(limits)), limits.shape[1])[found]
+            result.overwrite(found, self.evaluate(speed, limits.ravel()[found]))
+        return result
 
 
-def _batches(candidates: NDArray[np.intp], waves: Array, method: MethodSettings) -> Iterator[NDArray[np.intp]]:
-    """Yield points in batches that fit the memory; ``waves`` ascend.
+def _evaluate_all(solver: _Solver, axial_depth: Array) -> tuple[Stability, Array]:
+    """Evaluate every cell at the resolution that the tolerance asks for.
 
-    The harmonics of the force take harmonics times samples, both in proportion to the waves; the
-    maps of the elements or intervals take their number times some 20 kB.
+    Returns the results (speed x depth,) and the error estimate (speed,).
     """
-    first = 0
-    while first < len(candidates):
-        last = min(first + BATCH, len(candidates))
-        most = waves[last - 1]
-        memory = 720.0 * most**2 + 24e3 * (most + 1.0) + 24e3 * (method.intervals or 0)
-        last = max(first + 1, min(last, first + int(BATCH_MEMORY / memory)))
-        yield candidates[first:last]
-        first = last
-
-
-def _empty(points: int, modes: int) -> Stability:
-    return Stability(
-        spectral_radius=np.full(points, np.nan),
-        multiplier=np.full(points, np.nan, dtype=complex),
-        chatter_frequency=np.full(points, np.nan),
-        bifurcation=np.zeros(points, dtype=np.int8),
-        mode_share=np.full((points, modes), np.nan),
-        status=np.zeros(points, dtype=np.uint8),
-    )
-
-
-def _fill(
-    result: Stability, points: NDArray[np.intp], built: Structure, speed: NDArray[np.intp], solution: FloquetSolution
-) -> None:
-    """Write what a solution says of its points into the result."""
-    result.status[points] = np.where(solution.converged, STATUS["ok"], STATUS["not_converged"])
-    good = np.flatnonzero(solution.converged)
-    points = points[good]
-    multiplier = solution.multiplier[good]
-    result.multiplier[points] = multiplier
-    result.spectral_radius[points] = np.abs(multiplier)
-    result.bifurcation[points] = _bifurcation(multiplier)
-    strongest = np.linalg.norm(solution.output[good], axis=-1).argmax(axis=-1)
-    result.chatter_frequency[points] = np.abs(solution.exponent[good, strongest].imag)
-    result.mode_share[points] = _mode_share(built, speed[good], solution.exponent[good], solution.state[good])
-
-
-def _bifurcation(multiplier: NDArray[np.complex128]) -> NDArray[np.int8]:
-    real = np.abs(multiplier.imag) <= REAL_TOLERANCE * np.abs(multiplier)
-    kind = np.where(multiplier.real < 0.0, BIFURCATION["flip"], BIFURCATION["fold"])
-    return np.where(real, kind, BIFURCATION["hopf"]).astype(np.int8)
-
-
-def _mode_share(
-    built: Structure, speed: NDArray[np.intp], exponent: NDArray[np.complex128], state: NDArray[np.complex128]
-) -> Array:
-    """Return each mode's share of kinetic and potential energy, summed over harmonics and axes (point, mode)."""
-    modes = built.modes
-    displacement = np.abs(state[..., : len(modes)]) ** 2
-    velocity = np.abs(exponent[..., None]) ** 2 * displacement
-    mass = modes.modal_mass[speed][:, None, :]
-    energy = (mass * (velocity + modes.natural_frequency[speed][:, None, :] ** 2 * displacement)).sum(axis=1)
-    labels = np.arange(1, int(modes.label.max()) + 1)
-    share = energy @ (modes.label[:, None] == labels).astype(float)
-    total = share.sum(axis=-1, keepdims=True)
-    # A cut so light that its forces vanish in rounding moves no mode: nobody has a share then.
-    return np.asarray(np.divide(share, total, out=np.full_like(share, np.nan), where=total > 0.0))
-
-
-def _resolved_grid(
-    machine: Machine, built: Structure, axial_depth: Array, method: MethodSettings
-) -> tuple[Stability, Array, Array]:
-    """Evaluate the grid at the resolution that the tolerance asks for.
-
-    Returns the results (speed x depth,), the refinement and the error estimate (speed,).
-    """
-    speeds, depths = len(built.spindle_speed), len(axial_depth)
-    index = np.repeat(np.arange(speeds), depths)
-    depth = np.tile(axial_depth, speeds)
-    refinement, error = np.ones(speeds), np.full(speeds, np.nan)
-    grid = evaluate(machine, built, index, depth, method, refinement[index])
-    pending = np.flatnonzero(built.solved)
+    speeds, depths = len(solver.refinement), len(axial_depth)
+    index, depth = np.repeat(np.arange(speeds), depths), np.tile(axial_depth, speeds)
+    grid, error = solver.evaluate(index, depth), np.full(speeds, np.nan)
+    pending = np.flatnonzero(solver.built.solved)
     for _ in range(REFINEMENTS):
-        error[pending] = _error_near_boundary(machine, built, axial_depth, grid, method, refinement, pending)
-        if method.tolerance is None:  # nothing to choose
-            break
-        pending = pending[~(error[pending] <= method.tolerance)]
+        radius = grid.spectral_radius.reshape(speeds, depths)[pending]
+        nearest = _nearest_to_boundary(radius)
+        rows = np.repeat(pending, nearest.shape[1])
+        found = solver.error(rows, axial_depth[nearest.ravel()], np.take_along_axis(radius, nearest, axis=1).ravel())
+        error[pending] = found.reshape(nearest.shape).max(axis=1)
+        pending = _too_inexact(solver, pending, error)
         if not len(pending):
             break
-        refinement[pending] *= REFINEMENT_STEP
         again = np.flatnonzero(np.isin(index, pending))
-        _overwrite(grid, again, evaluate(machine, built, index[again], depth[again], method, refinement[index[again]]))
+        grid.overwrite(again, solver.evaluate(index[again], depth[again]))
     else:
-        unsettled = np.isin(index, pending) & (grid.status == STATUS["ok"])
-        _overwrite(grid, np.flatnonzero(unsettled), _not_converged(int(unsettled.sum()), grid.mode_share.shape[1]))
-    return grid, refinement, error
+        _mark_unsettled(solver, grid, np.isin(index, pending))
+    return grid, error
 
 
-def _not_converged(points: int, modes: int) -> Stability:
-    result = _empty(points, modes)
-    result.status[:] = STATUS["not_converged"]
-    return result
-
-
-def _error_near_boundary(
-    machine: Machine,
-    built: Structure,
-    axial_depth: Array,
-    grid: Stability,
-    method: MethodSettings,
-    refinement: Array,
-    speeds: NDArray[np.intp],
-) -> Array:
-    """Estimate the relative error of the spectral radius nearest to one at some speeds.
-
-    It is the larger of those of the two cells nearest to one. Collocation is compared with itself on
-    a finer mesh; semi-discretization with collocation, because with its own doubled intervals it can
-    agree on a wrong branch.
-    """
-    shape = (len(built.spindle_speed), len(axial_depth))
-    radius = grid.spectral_radius.reshape(shape)[speeds]
+def _nearest_to_boundary(radius: Array) -> Indices:
+    """Return the depths (speed, cell) whose spectral radius (speed, depth) is nearest to one."""
     distance = np.nan_to_num(np.abs(np.log(radius)), nan=np.inf)
-    nearest = np.argsort(distance, axis=1, kind="stable")[:, :ERROR_CELLS]
-    rows = np.repeat(speeds, nearest.shape[1])
-    finer = method if method.name == "collocation" else ERROR_REFERENCE
-    fine = evaluate(machine, built, rows, axial_depth[nearest.ravel()], finer, REFINEMENT_STEP * refinement[rows])
-    error = np.abs(np.take_along_axis(radius, nearest, axis=1) / fine.spectral_radius.reshape(nearest.shape) - 1.0)
-    return np.asarray(error.max(axis=1))
+    return np.argsort(distance, axis=1, kind="stable")[:, :ERROR_CELLS]
 
 
-def _overwrite(result: Stability, points: NDArray[np.intp], new: Stability) -> None:
-    for field in fields(result):
-        getattr(result, field.name)[points] = getattr(new, field.name)
+def _too_inexact(solver: _Solver, pending: Indices, error: Array) -> Indices:
+    """Return the speeds whose error is too large, at a resolution raised for them."""
+    if solver.method.tolerance is None:  # nothing to choose
+        return pending[:0]
+    pending = pending[~(error[pending] <= solver.method.tolerance)]
+    solver.refinement[pending] *= REFINEMENT_STEP
+    return pending
 
 
-def _limit_depths(
-    machine: Machine, built: Structure, axial_depth: Array, grid: Stability, method: MethodSettings, refinement: Array
-) -> tuple[Array, Stability]:
-    """Find every depth (speed, crossing) [m] where the spectral radius is one, and the stability there."""
-    speeds = len(built.spindle_speed)
-    limits = np.full((speeds, CROSSINGS), np.nan)
-    speed, slot, lower, upper = _brackets(machine, built, axial_depth, grid, method, refinement)
-
-    def log_radius(depth: Array, index: Array) -> Array:
-        which = index.astype(np.intp)
-        return np.log(evaluate(machine, built, which, depth, method, refinement[which]).spectral_radius)
-
-    if len(speed):
-        root = elementwise.find_root(
-            log_radius, (lower, upper), args=(speed.astype(float),), tolerances={"xatol": DEPTH_TOLERANCE}
-        )
-        limits[speed, slot] = np.where(root.success, root.x, np.nan)
-    index = np.repeat(np.arange(speeds), CROSSINGS)
-    at_limit = _empty(limits.size, grid.mode_share.shape[1])
-    found = np.flatnonzero(np.isfinite(limits.ravel()))
-    if len(found):
-        _overwrite(
-            at_limit,
-            found,
-            evaluate(machine, built, index[found], limits.ravel()[found], method, refinement[index[found]]),
-        )
-    return limits, at_limit
+def _mark_unsettled(solver: _Solver, grid: Stability, cells: NDArray[np.bool_]) -> None:
+    """Take the results from cells whose error stayed too large."""
+    unsettled = np.flatnonzero(cells & ~np.isin(grid.status, FAILED))
+    grid.overwrite(unsettled, without_result(len(unsettled), solver.modes, STATUS["not_converged"]))
 
 
-def _brackets(
-    machine: Machine, built: Structure, axial_depth: Array, grid: Stability, method: MethodSettings, refinement: Array
-) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
-    """Return speed index, crossing slot, and the depths below and above each change of sign."""
-    speeds = np.arange(len(built.spindle_speed))
-    shallow = np.full(len(speeds), SHALLOWEST * axial_depth[0])
-    first = evaluate(machine, built, speeds, shallow, method, refinement).spectral_radius
-    radius = np.concatenate([first[:, None], grid.spectral_radius.reshape(len(speeds), -1)], axis=1)
-    depth = np.concatenate([shallow[:1], axial_depth])
-    unstable = radius > 1.0
-    # Beyond a cell without a result nobody knows whether stability is lost or regained.
-    known = np.logical_and.accumulate(np.isfinite(radius), axis=1)
-    speed, step = np.nonzero((unstable[:, 1:] != unstable[:, :-1]) & known[:, 1:])
-    slot = np.arange(len(speed)) - np.searchsorted(speed, speed)
-    kept = slot < CROSSINGS
-    return speed[kept], slot[kept], depth[step[kept]], depth[step[kept] + 1]
+def _limits_within(solver: _Solver, axial_depth: Array, grid: Stability) -> Array:
+    """Return the limit depths (speed, crossing) of an evaluated grid, the part above its first depth included."""
+    speeds = np.arange(len(solver.refinement))
+    shallow = SHALLOWEST * axial_depth[0]
+    first = solver.multipliers(speeds, np.full(len(speeds), shallow))
+    known = np.concatenate([first[:, None], grid.multiplier.reshape(len(speeds), -1)], axis=1)
+    return solver.crossings(solver.multipliers, np.concatenate([[shallow], axial_depth]), known)
+
+
+class _Samples:
+    """Depths of some speeds that were looked at, and what was found there."""
+
+    def __init__(self, solver: _Solver, speeds: Indices) -> None:
+        self._solver, self._speeds = solver, speeds
+        self._looks: list[tuple[Indices, Array, Stability]] = []
+
+    def __call__(self, place: Indices, depth: Array) -> ComplexArray:
+        """Look at depths (point,) of speeds by their place (point,); return the multipliers."""
+        self._looks.append((place, depth, self._solver.evaluate(self._speeds[place], depth)))
+        return self._looks[-1][2].multiplier
+
+    def by_speed(self) -> Iterator[tuple[Array, Stability]]:
+        """Yield depths and results of every speed, by depth, each depth once."""
+        place, depth = (np.concatenate([look[i] for look in self._looks]) for i in (0, 1))
+        found = [look[2] for look in self._looks]
+        joined = {f.name: np.concatenate([getattr(one, f.name) for one in found]) for f in fields(Stability)}
+        for speed in range(len(self._speeds)):
+            own = np.flatnonzero(place == speed)
+            order = own[np.unique(depth[own], return_index=True)[1]]
+            yield depth[order], Stability(**{name: array[order] for name, array in joined.items()})
+
+
+def _evaluate_where_needed(solver: _Solver, axial_depth: Array) -> tuple[Stability, Array, Array]:
+    """Evaluate depths as the search for the boundary needs them, and interpolate the grid's cells.
+
+    Returns the results (speed x depth,), the error estimate (speed,) and the limit depths (speed,
+    crossing).
+    """
+    speeds, depths = len(solver.refinement), len(axial_depth)
+    first = axial_depth[-1] * np.array(FIRST_LOOK)
+    first[0] = min(first[0], axial_depth[0])
+    smallest_step = float(np.diff(axial_depth).min(initial=np.inf))
+    grid = without_result(speeds * depths, solver.modes, STATUS["outside_validity"])
+    error, limits = np.full(speeds, np.nan), np.full((speeds, CROSSINGS), np.nan)
+    pending = np.flatnonzero(solver.built.solved)
+    for _ in range(REFINEMENTS):
+        samples = _Samples(solver, pending)
+        known = samples(np.repeat(np.arange(len(pending)), len(first)), np.tile(first, len(pending)))
+        limits[pending] = solver.crossings(samples, first, known.reshape(-1, len(first)), smallest_step)
+        samples(*_cells_at_boundary(axial_depth, limits[pending]))
+        for speed, (depth, found) in zip(pending, samples.by_speed(), strict=True):
+            nearest = _nearest_to_boundary(found.spectral_radius[None])[0]
+            at = np.full(len(nearest), speed)
+            error[speed] = solver.error(at, depth[nearest], found.spectral_radius[nearest]).max()
+            grid.overwrite(speed * depths + np.arange(depths), _between(axial_depth, depth, found))
+        pending = _too_inexact(solver, pending, error)
+        if not len(pending):
+            break
+    else:
+        _mark_unsettled(solver, grid, np.isin(np.repeat(np.arange(speeds), depths), pending))
+        limits[pending] = np.nan
+    return grid, error, limits
+
+
+def _cells_at_boundary(axial_depth: Array, limits: Array) -> tuple[Indices, Array]:
+    """Return speed and depth (cell,) of the cells below and above every limit depth (speed, crossing)."""
+    speed, crossing = np.nonzero(np.isfinite(limits))
+    above = np.searchsorted(axial_depth, limits[speed, crossing])
+    inside = (above > 0) & (above < len(axial_depth))
+    speed, above = np.repeat(speed[inside], 2), np.repeat(above[inside], 2)
+    return speed, axial_depth[above - np.arange(len(above)) % 2]
+
+
+def _between(cell: Array, depth: Array, found: Stability) -> Stability:
+    """Interpolate ln|mu| at the cells' depths; take the rest from the nearer sample on the same side of the boundary.
+
+    A cell between samples of which one has no result has none either, and the same status.
+    """
+    above = np.clip(np.searchsorted(depth, cell), 1, len(depth) - 1)
+    below = above - 1
+    growth = np.log(found.spectral_radius)
+    share = (cell - depth[below]) / (depth[above] - depth[below])
+    between = (1.0 - share) * growth[below] + share * growth[above]
+    nearer = np.where(share < 0.5, below, above)
+    farther = below + above - nearer
+    taken = np.where((growth[nearer] > 0.0) == (between > 0.0), nearer, farther)
+    cells = Stability(**{f.name: getattr(found, f.name)[taken] for f in fields(Stability)})
+    angle = np.exp(1j * np.angle(cells.multiplier))
+    failed = np.maximum(found.status[below], found.status[above])
+    exact = depth[nearer] == cell
+    status = np.where(exact, found.status[nearer], np.where(failed > STATUS["ok"], failed, STATUS["interpolated"]))
+    radius = np.exp(between)
+    result = replace(cells, spectral_radius=radius, multiplier=radius * angle, status=status.astype(np.uint8))
+    lost = np.flatnonzero(np.isin(status, FAILED))
+    result.overwrite(lost, replace(without_result(len(lost), found.mode_share.shape[1]), status=result.status[lost]))
+    return result

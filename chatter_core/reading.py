@@ -200,14 +200,14 @@ def _field_at(model: type[BaseModel], place: tuple[Any, ...]) -> Any:
     for part in place:
         if isinstance(part, int):
             continue
-        fields = getattr(_inner_model(here), "model_fields", {})
+        fields = getattr(inner_model(here), "model_fields", {})
         here = next((f for name, f in fields.items() if part in (name, f.alias)), None)
         if here is None:
             return None
     return here
 
 
-def _inner_model(field: Any) -> Any:
+def inner_model(field: Any) -> Any:
     """Return the model that a field holds, alone, optional or in a list."""
     if isinstance(field, type):
         return field
@@ -221,7 +221,7 @@ def _inner_model(field: Any) -> Any:
 
 
 def _keys_at(model: type[BaseModel], place: tuple[Any, ...]) -> list[str]:
-    inner = _inner_model(_field_at(model, place)) if place else model
+    inner = inner_model(_field_at(model, place)) if place else model
     return [field.alias or name for name, field in getattr(inner, "model_fields", {}).items()]
 
 

@@ -14,6 +14,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.machine import Tip
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 AXES = ("x", "y")
 #: Fields of TipModes that are (speed, mode).
 OVER_SPEED = ("natural_frequency", "damping_ratio", "modal_mass", "tracking_confidence")
@@ -67,12 +68,16 @@ class StateSpace:
     size and their norm is the energy's: eigenvalue solvers lose digits otherwise.
 
     state_matrix: (speed, state, state); input_matrix: (speed, state, 2); output_matrix:
-    (speed, 2, state).
+    (speed, 2, state). A = eigenvectors diag(poles) inverse: poles (speed, state), matrices (speed,
+    state, state); not finite where a mode is damped critically.
     """
 
     state_matrix: Array
     input_matrix: Array
     output_matrix: Array
+    poles: ComplexArray
+    eigenvectors: ComplexArray
+    inverse: ComplexArray
 
 
 def state_space(modes: TipModes) -> StateSpace:
@@ -90,7 +95,36 @@ def state_space(modes: TipModes) -> StateSpace:
     input_matrix[:, velocity, modes.axis] = 1.0 / (modes.modal_mass * modes.natural_frequency)
     output_matrix = np.zeros((speeds, 2, 2 * count))
     output_matrix[:, modes.axis, position] = 1.0
-    return StateSpace(state_matrix=state_matrix, input_matrix=input_matrix, output_matrix=output_matrix)
+    poles, eigenvectors, inverse = _eigensystem(modes)
+    return StateSpace(
+        state_matrix=state_matrix,
+        input_matrix=input_matrix,
+        output_matrix=output_matrix,
+        poles=poles,
+        eigenvectors=eigenvectors,
+        inverse=inverse,
+    )
+
+
+def _eigensystem(modes: TipModes) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Return poles, eigenvectors (1, s) of each mode's (q, q'/w_n) and their inverse, for poles w_n s.
+
+    s^2 + 2 zeta s + 1 = 0; upper poles first, then the lower ones.
+    """
+    speeds, count = modes.natural_frequency.shape
+    root = np.sqrt(modes.damping_ratio.astype(complex) ** 2 - 1.0)
+    upper, lower = -modes.damping_ratio + root, -modes.damping_ratio - root
+    poles = np.concatenate([modes.natural_frequency * upper, modes.natural_frequency * lower], axis=1)
+    first, second = np.arange(count), np.arange(count, 2 * count)
+    eigenvectors = np.zeros((speeds, 2 * count, 2 * count), dtype=complex)
+    inverse = np.zeros_like(eigenvectors)
+    eigenvectors[:, first, first] = eigenvectors[:, first, second] = 1.0
+    eigenvectors[:, second, first], eigenvectors[:, second, second] = upper, lower
+    with np.errstate(divide="ignore", invalid="ignore"):
+        span = 1.0 / (upper - lower)
+        inverse[:, first, first], inverse[:, first, second] = -lower * span, span
+        inverse[:, second, first], inverse[:, second, second] = upper * span, -span
+    return poles, eigenvectors, inverse
 
 
 def receptance(modes: TipModes, frequency: Array) -> NDArray[np.complex128]:

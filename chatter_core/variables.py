@@ -12,7 +12,11 @@ from chatter_core.units import SUFFIXES
 DIMENSIONS = ("modal_parameters", "preload", "mode_count", "spindle_speed", "axial_depth", "crossing", "mode", "axis")
 
 #: Outcome of one grid cell. A cell that was never computed is 0: a store is complete when none is left.
-STATUS = {"pending": 0, "ok": 1, "not_converged": 2, "outside_validity": 3, "worker_lost": 4}
+#: An interpolated cell lies between depths that were computed.
+STATUS = {"pending": 0, "ok": 1, "not_converged": 2, "outside_validity": 3, "worker_lost": 4, "interpolated": 5}
+#: Those with a result, and those that leave a cell without a result.
+WITH_RESULT = (STATUS["ok"], STATUS["interpolated"])
+FAILED = tuple(STATUS[name] for name in ("not_converged", "outside_validity", "worker_lost"))
 
 #: How stability is lost, from the critical multiplier.
 BIFURCATION = {"none": 0, "hopf": 1, "flip": 2, "fold": 3}

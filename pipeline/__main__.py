@@ -16,6 +16,7 @@ VERBS = {
     "point": "the whole chain at one operating point",
     "identify": "tip modes from measured receptances, as a machine file with uncertainties",
     "paper": "the paper's findings on the reference machine: figures P1 to P9 and a table of what holds",
+    "template": "write an empty measurement campaign to fill in, every file, key and column explained",
     "report": "write tables, figures and report of a computed study again",
 }
 
@@ -33,6 +34,8 @@ examples
   python -m pipeline point spindle_speed_rpm=12000 axial_depth_mm=1
   python -m pipeline point machine=path/to/machine.yaml spindle_speed_rpm=12000 axial_depth_mm=1 format=json
   python -m pipeline identify frf=path/to/frf.csv machine=path/to/machine.yaml output=machine_tip.yaml
+  python -m pipeline identify campaign=my_campaign output=machine_tip.yaml
+  python -m pipeline template output=my_campaign
   python -m pipeline report output=results/smoke-1234abcd
 
 groups and their choices
@@ -42,8 +45,10 @@ options of verbs
   sweep     output=DIR, retry_failed=true
   point     spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static,
             format=text|json, output=DIR
-  identify  frf=FILE.csv, modes, lowest_frequency_hz, highest_frequency_hz, output=FILE.yaml
+  identify  frf=FILE.csv|FILE.uff or campaign=DIR, modes, lowest_frequency_hz, highest_frequency_hz,
+            output=FILE.yaml
   paper     output=DIR
+  template  output=DIR
   report    output=DIR
 
 exit codes: 0 all well, 1 some points failed and are marked, 2 bad input, 3 store in use

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from chatter_core.evidence.identified_tip import IdentifiedTip
 from chatter_core.evidence.identify import IdentifiedModes
+from chatter_core.tip import AXES
 from chatter_core.units import si_factor
 from pipeline.figures import COLOURS
 
@@ -29,8 +30,8 @@ def write(found: IdentifiedTip, machine_file: Path) -> list[Path]:
     paths = []
     for measured, modes in zip(found.receptances, found.modes, strict=True):
         speed = measured.spindle_speed / si_factor("speed_rpm")
-        path = machine_file.with_name(f"{machine_file.stem}_{measured.axis}_{speed:.0f}rpm.png")
-        receptance(modes, f"Receptance of the tool tip, {measured.name}").savefig(path, dpi=150)
+        path = machine_file.with_name(f"{machine_file.stem}_{AXES[measured.output_axis]}_{speed:.0f}rpm.png")
+        receptance(modes, f"Receptance of the tool tip, {measured}").savefig(path, dpi=150)
         paths.append(path)
     return paths
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from chatter_core.variables import STATUS
+from chatter_core.variables import WITH_RESULT
 
 #: Outer dimensions of a sweep: one line of lobes for each combination.
 OUTER = ("modal_parameters", "preload", "mode_count")
@@ -86,7 +86,7 @@ def most_misjudged(lobes: xr.Dataset, preload: float, mode_count: int) -> Misjud
     if not {"static", "dynamic"} <= set(lobes["modal_parameters"].values):
         return None
     line = lobes.sel(preload=preload, mode_count=mode_count)
-    complete = (line["status"] == STATUS["ok"]).all(["axial_depth", "modal_parameters"])
+    complete = line["status"].isin(WITH_RESULT).all(["axial_depth", "modal_parameters"])
     limit = stability_limit(line)
     deepest = float(lobes["axial_depth"].max())
     static, dynamic = limit.sel(modal_parameters="static").fillna(deepest), limit.sel(modal_parameters="dynamic")

@@ -75,7 +75,7 @@ def answer_point(
 ) -> dict[str, Any]:
     """Return what is known of an operating point, in the units of the keys.
 
-    Limit depths are looked for on the grid ``depths_mm``.
+    Limit depths are looked for down to the last of ``depths_mm``.
     """
     speed = np.array([options.spindle_speed_rpm * si_factor("spindle_speed_rpm")])
     depth = np.array([options.axial_depth_mm * si_factor("axial_depth_mm")])
@@ -89,6 +89,7 @@ def answer_point(
         mode_count=count,
         modal_parameters=options.modal_parameters,
         method=method,
+        cells="adaptive",
     )
     status = _name(STATUS, stability.status[0])
     multiplier = complex(stability.multiplier[0])
@@ -182,7 +183,7 @@ def _readable(answer: dict[str, Any], options: PointOptions) -> str:
     ]
     if answer["status"] == "ok":
         verdict = "stable" if answer["spectral_radius"] < 1.0 else "chatter"
-        limits = ", ".join(f"{d:.4g} mm" for d in answer["limit_depths_mm"]) or "none on the grid of depths"
+        limits = ", ".join(f"{d:.4g} mm" for d in answer["limit_depths_mm"]) or "none down to the deepest of the grid"
         lines += [
             "",
             f"{verdict}: spectral radius {answer['spectral_radius']:.6g} (error about {answer['error_estimate']:.1e}), "

@@ -12,7 +12,7 @@ import xarray as xr
 from jinja2 import Environment, PackageLoader, select_autoescape
 
 from chatter_core.errors import InvalidInput
-from chatter_core.variables import STATUS
+from chatter_core.variables import STATUS, WITH_RESULT
 from pipeline import figures, store, tables
 from pipeline.configuration import sort_words
 from pipeline.lobes import crossover_speeds, dominance, most_misjudged, stability_limit
@@ -68,7 +68,7 @@ def write(output: Path) -> list[Path]:
     except (ValueError, RuntimeError, KeyError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InvalidInput([f"{path}: cannot be read, a part is missing or damaged: {reason}"]) from None
-    hollow = int(((lobes["status"] == STATUS["ok"]) & lobes["spectral_radius"].isnull()).sum())
+    hollow = int((lobes["status"].isin(WITH_RESULT) & lobes["spectral_radius"].isnull()).sum())
     if hollow:
         raise InvalidInput([f"{path}: {hollow} cells count as computed but hold no result; the same sweep heals them"])
     preload = _shown_preload(lobes)
@@ -108,7 +108,7 @@ def _warnings(status: np.ndarray) -> list[str]:
     return [
         f"{count} of {status.size} points have no result: {name.replace('_', ' ')}."
         for name, code in STATUS.items()
-        if name != "ok" and (count := int((status == code).sum()))
+        if code not in WITH_RESULT and (count := int((status == code).sum()))
     ]
 
 

@@ -90,6 +90,9 @@ class Grid(Part):
     mode_selection: Literal["up_to", "only"] = Field(
         default="up_to", description="a number of modes means all modes up to it, or that one mode alone"
     )
+    cells: Literal["all", "adaptive"] = Field(
+        default="all", description="evaluate every cell, or depths as the boundary needs them and interpolate the rest"
+    )
     modal_parameters: tuple[Literal["dynamic", "static"], ...] = Field(
         default=("dynamic",), min_length=1, max_length=2, description="bearings at speed, at standstill, or both"
     )

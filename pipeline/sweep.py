@@ -5,6 +5,7 @@ import os
 import signal
 import socket
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -22,14 +23,14 @@ from filelock import FileLock, Timeout
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
-from chatter_core.variables import STATUS
+from chatter_core.variables import FAILED, STATUS, WITH_RESULT
 from pipeline import report, store
 from pipeline.cluster import WORKER_PATIENCE, open_client, worker_count
 from pipeline.configuration import compose_settings, make_folder, sort_words
 from pipeline.errors import StorageFailed, StoreInUse, WorkersLost
 from pipeline.progress import Journal, Meter
 from pipeline.settings import Settings, differing_keys
-from pipeline.task import KERNEL, Record, Task, compute_chunk
+from pipeline.task import KERNEL, Record, Task, compute_chunk, compute_point
 
 OPTIONS = ("output", "retry_failed")
 #: Tasks handed out beyond those being computed, for each worker.
@@ -38,6 +39,8 @@ WINDOW = 3
 RETRIES = 2
 #: Seconds to wait for the record of a task that has ended; it is lost when its worker died since.
 RESULT_PATIENCE = 10.0
+#: Seconds of compiling before it is said.
+COMPILING_PATIENCE = 1.0
 #: Seconds between two looks for tasks that have ended; a task takes about a second.
 POLL = 0.01
 
@@ -174,6 +177,8 @@ def _compute(settings: Settings, path: Path, journal: Journal, retry_failed: boo
         return
     _append_history(group, f"{store.now()} {len(pending)} of {len(every)} chunks to compute")
     tasks = [Task(store=path.resolve(), chunk=chunk, kernel=kernel) for chunk in pending]
+    if settings.cluster.kind != "address":
+        _compile_once(tasks[0])
     with _signals() as stopping:
         try:
             with open_client(settings.cluster) as client, Meter(total, done) as meter:
@@ -189,6 +194,22 @@ def _compute(settings: Settings, path: Path, journal: Journal, retry_failed: boo
                 raise
         if stopping.number:
             raise Stopped(stopping.number)
+
+
+def _compile_once(task: Task) -> None:
+    """Have the physics compiled here before several workers compile it side by side, and say so where it takes time."""
+    told = threading.Timer(
+        COMPILING_PATIENCE, print, ["compiling, once after installation: about 15 s"], {"file": sys.stderr}
+    )
+    told.daemon = True
+    told.start()
+    try:
+        compute_point(task)
+    except Exception:
+        # Whatever is wrong with this point: its chunk will tell, and mark it.
+        return
+    finally:
+        told.cancel()
 
 
 def _note(journal: Journal, record: Record) -> None:
@@ -212,9 +233,9 @@ def _readable_status(group: zarr.Group, chunk: store.Chunk) -> np.ndarray:
 
 def _is_pending(path: Path, group: zarr.Group, chunk: store.Chunk, retry_failed: bool) -> bool:
     status = _readable_status(group, chunk)
-    if (status == STATUS["pending"]).any() or (retry_failed and (status > STATUS["ok"]).any()):
+    if (status == STATUS["pending"]).any() or (retry_failed and np.isin(status, FAILED).any()):
         return True
-    return bool((status == STATUS["ok"]).any()) and store.lost_part(path, group, chunk) is not None
+    return bool(np.isin(status, WITH_RESULT).any()) and store.lost_part(path, group, chunk) is not None
 
 
 def _depths(group: zarr.Group) -> int:
@@ -357,7 +378,7 @@ def _finish(output: Path, path: Path, journal: Journal) -> int:
         start=np.zeros(len(STATUS), dtype=int),
     )
     counts = {name: int(tally[code]) for name, code in STATUS.items() if tally[code]}
-    failed = {name: count for name, count in counts.items() if name != "ok"}
+    failed = {name: count for name, count in counts.items() if STATUS[name] not in WITH_RESULT}
     group.attrs["complete"] = "pending" not in counts
     try:
         written = report.write(output)

@@ -13,7 +13,7 @@ import numpy as np
 
 from chatter_core.errors import InvalidInput, NoEquilibrium
 from chatter_core.floquet import MethodSettings
-from chatter_core.lobes import CROSSINGS, LobeBlock
+from chatter_core.lobes import CROSSINGS, LobeBlock, lobe_block
 from chatter_core.machine import Machine
 from chatter_core.units import SUFFIXES
 from chatter_core.variables import STATUS, SWEEP
@@ -54,6 +54,7 @@ def _described(path: Path) -> tuple[Machine, dict[str, Any], dict[str, np.ndarra
     common = {
         "method": MethodSettings.model_validate(settings["method"]),
         "mode_selection": settings["grid"]["mode_selection"],
+        "cells": settings["grid"]["cells"],
     }
     return Machine.model_validate(settings["machine"]), common, values
 
@@ -96,6 +97,20 @@ def compute_chunk(task: Task) -> Record:
         seconds=time.perf_counter() - began,
         errors=tuple(errors),
     )
+
+
+def compute_point(task: Task) -> None:
+    """Compute the first cell of a chunk and forget it: what is compiled when first used is compiled then."""
+    machine, common, values = _described(task.store)
+    if task.kernel == KERNEL:
+        lobe_block(
+            machine,
+            spindle_speed=values["spindle_speed"][:1] * SUFFIXES["rpm"][0],
+            axial_depth=values["axial_depth"][:1] * SUFFIXES["mm"][0],
+            mode_count=1,
+            modal_parameters="static",
+            **{**common, "mode_selection": "up_to"},
+        )
 
 
 def _guarded(compute: Callable[[np.ndarray], LobeBlock], speed: np.ndarray, depths: int) -> tuple[LobeBlock, list[str]]:

@@ -1,7 +1,16 @@
 """Floquet analysis of linear periodic systems with delayed feedback; knows nothing of milling."""
 
-from chatter_core.floquet.analysis import FloquetSolution, analyse
-from chatter_core.floquet.equation import DelayedFeedback, DelayEquation, LinearSystem
+from chatter_core.floquet.analysis import FloquetSolution, analyse, critical_motion
+from chatter_core.floquet.equation import DelayedFeedback, DelayEquation, LinearSystem, Spectrum
 from chatter_core.floquet.method import MethodSettings
 
-__all__ = ["DelayEquation", "DelayedFeedback", "FloquetSolution", "LinearSystem", "MethodSettings", "analyse"]
+__all__ = [
+    "DelayEquation",
+    "DelayedFeedback",
+    "FloquetSolution",
+    "LinearSystem",
+    "MethodSettings",
+    "Spectrum",
+    "analyse",
+    "critical_motion",
+]

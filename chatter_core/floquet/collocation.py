@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_core.errors import UnsupportedEquation
-from chatter_core.floquet.equation import Array, ComplexArray, DelayEquation
+from chatter_core.floquet.equation import Array, ComplexArray, DelayedFeedback, DelayEquation
 from chatter_core.floquet.multipliers import arnoldi
 
 #: Gauss nodes an element.
@@ -124,6 +124,11 @@ class Elements:
         """Whether a gain acts in an element (point, element)."""
         return np.take_along_axis(self.cuts, self.piece, axis=1) & (self.length > 0.0)
 
+    @property
+    def node_time(self) -> Array:
+        """Times of the nodes (point, element, node) [s]."""
+        return np.asarray(self.start[..., None] + self.length[..., None] * gauss(NODES)[0])
+
 
 @dataclass(frozen=True, kw_only=True)
 class _Tables:
@@ -173,31 +178,60 @@ def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Element
     delays = [feedback.delay for feedback in equation.feedback]
     if len(delays) != 1 or np.any(np.abs(delays[0] - equation.period) > DELAY_TOLERANCE * equation.period):
         raise UnsupportedEquation(
-            "collocation solves one delay equal to the period; semi_discretization takes any delays up to it"
+            "the plain collocation solves one delay equal to the period; the compiled one takes any delays up to it"
         )
-    if not np.all(np.asarray(refinement) >= LEAST_REFINEMENT):
-        raise UnsupportedEquation(f"refinement: found {np.min(refinement):g}, allowed: at least {LEAST_REFINEMENT:g}")
-    layout = _break_up(equation, np.broadcast_to(refinement, (len(equation),)))
-    nodes, _ = gauss(NODES)
-    time = layout.start[..., None] + layout.length[..., None] * nodes
+    breakpoints = np.sort(equation.breakpoints, axis=1)
+    cuts = acting_pieces(equation.feedback[0], breakpoints, equation.period)
+    layout = break_up(equation, refinement, breakpoints, cuts)
+    time = layout.node_time
     gain = equation.feedback[0].gain(time)
     gain[~layout.acts] = 0.0
     return layout, time, gain
 
 
-def _break_up(equation: DelayEquation, refinement: Array) -> Elements:
-    """Break the period at the breakpoints and cut every piece in which a gain acts into elements."""
-    begin = np.sort(equation.breakpoints, axis=1)
-    end = np.concatenate([begin[:, 1:], begin[:, :1] + equation.period[:, None]], axis=1)
-    length = end - begin
-    probes = begin[..., None] + length[..., None] * np.array([0.21, 0.5, 0.83])
-    cuts = np.any(equation.feedback[0].gain(probes) != 0.0, axis=(2, 3, 4)) & (length > 0.0)
+def acting_pieces(feedback: DelayedFeedback, breakpoints: Array, period: Array) -> NDArray[np.bool_]:
+    """Return whether a gain acts between breakpoints (point, breakpoint), ascending, and the next (point, piece).
+
+    See docs/physics.md#collocation.
+    """
+    length = piece_lengths(breakpoints, period)
+    probes = breakpoints[..., None] + length[..., None] * np.array([0.21, 0.5, 0.83])
+    return np.asarray(np.any(feedback.gain(probes) != 0.0, axis=(2, 3, 4)) & (length > 0.0))
+
+
+def piece_lengths(breakpoints: Array, period: Array) -> Array:
+    """Return the lengths (point, piece) [s] between ascending breakpoints, the last one's around the period's end.
+
+    See docs/physics.md#collocation.
+    """
+    return np.diff(breakpoints, axis=1, append=breakpoints[:, :1] + period[:, None])
+
+
+def break_up(
+    equation: DelayEquation,
+    refinement: Array | float,
+    breakpoints: Array,
+    cuts: NDArray[np.bool_],
+    longest: Array | float = np.inf,
+) -> Elements:
+    """Cut the pieces that ``cuts`` names (point, piece) into elements; the others are one element each.
+
+    breakpoints: (point, breakpoint), ascending [s]; longest: allowed element (point, 1) [s].
+
+    Raises UnsupportedEquation when the refinement is below LEAST_REFINEMENT.
+
+    See docs/physics.md#collocation.
+    """
+    if not np.all(np.asarray(refinement) >= LEAST_REFINEMENT):
+        raise UnsupportedEquation(f"refinement: found {np.min(refinement):g}, allowed: at least {LEAST_REFINEMENT:g}")
+    begin, length = breakpoints, piece_lengths(breakpoints, equation.period)
     fastest = np.abs(equation.system.spectrum.poles).max(axis=1)[equation.system_index]
     waves = length * fastest[:, None] / (2.0 * np.pi)
     share = length / equation.period[:, None]
     wanted = np.maximum(waves / WAVES_PER_ELEMENT, share / LONGEST_ELEMENT)
     # Rounded up before the refinement too: a finer mesh has more elements in every piece.
-    wanted = np.maximum(1.0, np.ceil(wanted - 1e-9)) * refinement[:, None]
+    wanted = np.maximum(1.0, np.ceil(wanted - 1e-9)) * np.broadcast_to(refinement, (len(equation),))[:, None]
+    wanted = np.maximum(wanted, length / longest)
     count = np.where(cuts, np.maximum(1, np.ceil(wanted - 1e-9)), 1).astype(int)
     last = np.cumsum(count, axis=1)
     index = np.arange(last[:, -1].max())
@@ -227,6 +261,19 @@ def gauss(count: int) -> tuple[Array, Array]:
 
 
 @cache
+def lagrange_powers() -> Array:
+    """Return the Lagrange polynomials of the nodes (node, power), powers ascending.
+
+    See docs/physics.md#collocation.
+    """
+    nodes, _ = gauss(NODES)
+    others = [np.delete(nodes, j) for j in range(NODES)]
+    return np.array(
+        [np.polynomial.polynomial.polyfromroots(rest) / np.prod(nodes[j] - rest) for j, rest in enumerate(others)]
+    )
+
+
+@cache
 def integral_series() -> Array:
     """Return the power series in z of int_0^e exp(z (e - s)) l_j(s) ds for e at each node and at 1.
 
@@ -235,12 +282,8 @@ def integral_series() -> Array:
     l_j are the Lagrange polynomials of the nodes; the result is (end, node, term). From
     int_0^e exp(z (e - s)) s^p ds = sum_m z^m p! e^(m + p + 1) / (m + p + 1)!.
     """
-    nodes, _ = gauss(NODES)
-    others = [np.delete(nodes, j) for j in range(NODES)]
-    powers = np.array(
-        [np.polynomial.polynomial.polyfromroots(rest) / np.prod(nodes[j] - rest) for j, rest in enumerate(others)]
-    )
-    ends = np.append(nodes, 1.0)
+    powers = lagrange_powers()
+    ends = np.append(gauss(NODES)[0], 1.0)
     series = np.zeros((NODES + 1, NODES, SERIES_TERMS))
     for term in range(SERIES_TERMS):
         for power in range(NODES):

@@ -7,279 +7,469 @@ element's is formed:
     z(h) = exp(lambda h) z + drive f          f = K d at the nodes of an element
     (1 - respond K) d = observe z - w_delayed,   w = w_delayed + d
 
+With several delays f = K w - g, where g is the delayed outputs' part, so there
+
+    (1 - respond K) w = observe z - respond g.
+
 z holds one pole of each conjugate pair, its real and imaginary part side by side. The discretised
-state is z at the start of the period, and w at the nodes of every element a period ago.
+state is z at the start of the period, and w at the nodes of every element in the cut a period ago.
+
+Layout: values at the nodes are (output, node), forces (input, node), parts of z (pole, real and
+imaginary). Products are sums along rows, which is what the compiler makes fast; a slice of a row it
+knows to be contiguous, a row of a slice it does not. What cannot couple is skipped: ``sees`` and
+``pushes`` hold the range of poles that each output sees and of inputs that push each pole. Pieces of
+equal length share their integrals, and so do equal poles, for x and y are often alike.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, Self
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_core.floquet import collocation
+from chatter_core.floquet import collocation, delays
+from chatter_core.floquet.collocation import NODES, Elements
+from chatter_core.floquet.delays import LookBack
 from chatter_core.floquet.equation import Array, ComplexArray, DelayEquation
 from chatter_core.floquet.multipliers import EXHAUSTED, WARM_UP
+from chatter_core.jit import compiled
 
-#: Freedoms of the compiler that keep infinities and not-a-numbers what they are.
-FAST = {"contract", "reassoc", "nsz", "arcp"}
-
-
-def _compiled(function: Callable[..., Any]) -> Any:
-    """Compile a function when it is first called, and keep the result on disk where there is a place for it."""
-    try:
-        return numba.njit(cache=True, nogil=True, fastmath=FAST)(function)
-    except RuntimeError:  # neither the code's folder nor the user's cache folder can be written
-        return numba.njit(nogil=True, fastmath=FAST)(function)
+#: Below this |z| the integrals are a power series of so many terms, above they are integrated by
+#: parts: either errs by less than 3e-12 here.
+SMALL, SMALL_TERMS = 1.5, 18
+#: Pieces whose lengths differ by less than this share are equal.
+LENGTH_TOLERANCE = 1e-12
+#: Squares of norms that lost nothing lie between this and its inverse.
+SAFE_SQUARE = 1e-200
+#: Share of a vector's norm that one step of orthogonalisation must leave, or it is done again.
+LEFT = 0.03
 
 
 @dataclass(frozen=True, kw_only=True)
 class CompiledMonodromy:
-    """Map of (z, w at the nodes of each element) over one period, as what it is computed from.
+    """Map of (z, w at the nodes of the elements in the cut) over one period, as what it is computed from.
 
-    poles, seen, driven: of each system, see HalfSpectrum; alive: which parts of z a system has
-    (system, part); system_index, piece (point, element), cuts and piece_length (point, piece), count
-    of elements (point,), gain (point, element, node, input, output), node_time and node_weight
-    (point, element, node).
+    Of each system: alive (system, part), which parts of z it has; sees (output, 2) and pushes (pole,
+    2), what couples. Of each point: system_index; piece (point, element), the piece that an element
+    belongs to, count of elements; cuts (point, piece) and table (point, piece), whose integrals a piece
+    takes; advance (point, piece, pole), observe (point, piece, value, part), drive (point, piece, part,
+    force), respond (point, piece, value, force); solve (point, element, value, value); gain (point,
+    element, input, output, node); node_time and node_weight (point, element, node). Of several delays
+    (no term for a single one): origin (point, element, term, node), the element in the cut, counted
+    alone, that holds the delayed output; past, whether a period ago; share (.., node), how it is
+    interpolated; term_gain (point, element, term, input, output, node). pushed: the equation's inputs
+    that push any mode.
     """
 
-    poles: ComplexArray
-    seen: ComplexArray
-    driven: ComplexArray
     alive: Array
+    sees: NDArray[np.intp]
+    pushes: NDArray[np.intp]
     system_index: NDArray[np.intp]
     piece: NDArray[np.intp]
-    cuts: NDArray[np.bool_]
-    piece_length: Array
     count: NDArray[np.intp]
+    cuts: NDArray[np.bool_]
+    table: NDArray[np.intp]
+    advance: ComplexArray
+    observe: Array
+    drive: Array
+    respond: Array
+    solve: Array
     gain: Array
+    origin: NDArray[np.intp]
+    past: NDArray[np.bool_]
+    share: Array
+    term_gain: Array
     node_time: Array
     node_weight: Array
+    pushed: NDArray[np.intp]
+    inputs: int
+
+    @property
+    def states(self) -> int:
+        """Parts of z."""
+        return int(self.alive.shape[1])
 
     @property
     def shape(self) -> tuple[int, int]:
         """Number of points and size of the discretised state."""
-        points, elements, nodes = self.node_time.shape
-        return points, 2 * self.poles.shape[1] + elements * nodes * self.gain.shape[-1]
+        points, elements, values, _ = self.solve.shape
+        return points, self.states + elements * values
 
     def select(self, points: NDArray[np.intp]) -> Self:
         """Return the operator of some of the points."""
-        per_point = ("system_index", "piece", "cuts", "piece_length", "count", "gain", "node_time", "node_weight")
-        return replace(self, **{name: getattr(self, name)[points] for name in per_point})
+        shared = ("alive", "sees", "pushes", "pushed", "inputs")
+        return replace(self, **{name: array[points] for name, array in vars(self).items() if name not in shared})
 
     def krylov(self, start: Array, steps: int) -> tuple[Array, Array]:
-        """Return basis (point, steps + 1, size) and Hessenberg matrix (point, steps + 1, steps) of Arnoldi's method."""
+        """Return Arnoldi's basis (point, steps + 1, size) and Hessenberg matrix (point, steps + 1, steps)."""
         points, size = self.shape
         basis, hessenberg = np.zeros((points, steps + 1, size)), np.zeros((points, steps + 1, steps))
-        _krylov(*self._arrays(), self.alive, start, basis, hessenberg)
+        _krylov(*self._map(), self.alive, self.system_index, start, basis, hessenberg)
         return basis, hessenberg
 
     def force(self, vectors: ComplexArray) -> tuple[Array, Array, ComplexArray]:
         """Return times (point, sample), weights (point, sample) and feedback force (point, sample, input)."""
         points, elements, nodes = self.node_time.shape
-        parts = np.zeros((2, points, elements, nodes, self.gain.shape[-2]))
-        _forces(*self._arrays(), np.stack([vectors.real, vectors.imag]), parts)
+        parts = np.zeros((2, points, elements, len(self.pushed), nodes))
+        _forces(*self._map(), np.stack([vectors.real, vectors.imag]), parts)
+        force = np.zeros((points, elements, nodes, self.inputs), dtype=complex)
+        force[..., self.pushed] = (parts[0] + 1j * parts[1]).swapaxes(-1, -2)
         flat = (points, elements * nodes)
-        force = (parts[0] + 1j * parts[1]).reshape(*flat, -1)
-        return self.node_time.reshape(flat), self.node_weight.reshape(flat), force
+        return self.node_time.reshape(flat), self.node_weight.reshape(flat), force.reshape(*flat, -1)
 
-    def _arrays(self) -> tuple[NDArray, ...]:  # type: ignore[type-arg]
-        nodes, _ = collocation.gauss(collocation.NODES)
-        series = np.ascontiguousarray(collocation.integral_series().reshape(-1, collocation.SERIES_TERMS).T)
+    def _map(self) -> tuple[NDArray, ...]:  # type: ignore[type-arg]
         return (
-            nodes,
-            series,
-            self.poles,
-            self.seen,
-            self.driven,
-            self.system_index,
+            self.sees,
+            self.pushes,
             self.piece,
-            self.cuts,
-            self.piece_length,
             self.count,
+            self.cuts,
+            self.table,
+            self.advance,
+            self.observe,
+            self.drive,
+            self.respond,
+            self.solve,
             self.gain,
+            self.origin,
+            self.past,
+            self.share,
+            self.term_gain,
         )
 
 
 def build(equation: DelayEquation, refinement: Array | float = 1.0) -> CompiledMonodromy:
     """Build the operator; ``refinement`` (point,) multiplies the number of elements.
 
-    Raises UnsupportedEquation as ``collocation.build`` does.
+    Raises UnsupportedEquation when a delay is not positive or longer than the period, when the state
+    matrix cannot be diagonalised, or when the refinement is below collocation.LEAST_REFINEMENT.
 
     See docs/physics.md#collocation.
     """
-    layout, time, gain = collocation.lay_out(equation, refinement)
-    half = equation.system.half_spectrum
-    _, weights = collocation.gauss(collocation.NODES)
+    layout, gain, look_back = _lay_out(equation, refinement)
+    half, which = equation.system.half_spectrum, equation.system_index
     # A real pole has no imaginary part, and filling has neither: they start at zero and stay there.
     weight = np.where(half.poles.imag > 0.0, 2.0, half.poles.imag == 0.0)
     alive = np.stack([weight > 0.0, weight > 1.0], axis=-1).reshape(len(weight), -1)
+    # A direction in which no mode moves takes no part.
+    shown, pushed = _taking_part(half.seen.swapaxes(1, 2)), _taking_part(half.driven)
+    seen = np.ascontiguousarray(half.seen[:, shown])
+    driven = np.ascontiguousarray((half.driven * (weight > 0.0)[..., None])[..., pushed])
+    gain, term_gain = (
+        np.ascontiguousarray(np.moveaxis(array[..., pushed[:, None], shown], -3, -1))
+        for array in (gain, look_back.gain)
+    )
+    in_cut = np.cumsum(layout.acts, axis=1) - 1
+    # Pieces of no length may lie between others; what is behind the last element is filling.
+    count = layout.length.shape[1] - (layout.length[:, ::-1] > 0.0).argmax(axis=1)
+    (points, elements), pieces = layout.piece.shape, layout.cuts.shape[1]
+    values, forces, parts = NODES * len(shown), NODES * len(pushed), alive.shape[1]
+    table = np.empty((points, pieces), dtype=np.intp)
+    advance = np.empty((points, pieces, parts // 2), dtype=complex)
+    observe, drive = np.empty((points, pieces, values, parts)), np.empty((points, pieces, parts, forces))
+    respond = np.empty((points, pieces, values, forces))
+    solve = np.empty((points, elements, values, values))
+    _prepare(
+        *_tables(), half.poles, seen, driven, which, layout.piece, count, layout.cuts, layout.piece_length, gain,
+        table, advance, observe, drive, respond, solve,
+    )  # fmt: skip
     return CompiledMonodromy(
-        poles=half.poles,
-        seen=half.seen,
-        driven=half.driven * (weight > 0.0)[..., None],
         alive=alive.astype(float),
-        system_index=equation.system_index,
+        sees=_ranges(np.any(seen != 0.0, axis=0)),
+        pushes=_ranges(np.any(driven != 0.0, axis=0)),
+        system_index=which,
         piece=layout.piece,
+        count=count,
         cuts=layout.cuts,
-        piece_length=layout.piece_length,
-        # Pieces of no length may lie between others; what is behind the last element is filling.
-        count=layout.length.shape[1] - (layout.length[:, ::-1] > 0.0).argmax(axis=1),
+        table=table,
+        advance=advance,
+        observe=observe,
+        drive=drive,
+        respond=respond,
+        solve=solve,
         gain=gain,
-        node_time=time,
-        node_weight=layout.length[..., None] * weights,
+        origin=in_cut[np.arange(points)[:, None, None, None], look_back.element],
+        past=look_back.past,
+        share=look_back.weight,
+        term_gain=term_gain,
+        node_time=layout.node_time,
+        node_weight=layout.length[..., None] * collocation.gauss(NODES)[1],
+        pushed=pushed,
+        inputs=half.driven.shape[-1],
     )
 
 
-@_compiled
-def _integrate(nodes, series, poles, seen, driven, h, advance, observe, drive, respond):  # type: ignore[no-untyped-def]
-    """Fill the exact integrals over an element of length h; observe and drive are transposed."""
-    count, outputs, inputs = len(nodes), seen.shape[0], driven.shape[1]
-    real, imaginary = np.empty(series.shape[1]), np.empty(series.shape[1])
+def _lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Elements, Array, LookBack]:
+    """Return elements, the sum of all gains at their nodes, and where they look back to: nowhere with one delay."""
+    if not delays.is_one_period(equation):
+        layout, look_back = delays.lay_out(equation, refinement)
+        return layout, look_back.gain.sum(axis=2), look_back
+    layout, _, gain = collocation.lay_out(equation, refinement)
+    none = (*layout.piece.shape, 0, NODES)
+    return (
+        layout,
+        gain,
+        LookBack(
+            element=np.zeros(none, dtype=np.intp),
+            past=np.zeros(none, dtype=bool),
+            weight=np.zeros((*none, NODES)),
+            gain=np.zeros((*none, *gain.shape[-2:])),
+        ),
+    )
+
+
+def _taking_part(coupling: ComplexArray) -> NDArray[np.intp]:
+    """Return the last axis' indices where anything couples, one at least."""
+    found = np.flatnonzero(np.any(coupling != 0.0, axis=(0, 1)))
+    return found if len(found) else np.array([0])
+
+
+def _ranges(couples: NDArray[Any]) -> NDArray[np.intp]:
+    """Return first and one past the last true entry of every row, (row, 2); zeros for a row without."""
+    first, last = couples.argmax(axis=1), couples.shape[1] - couples[:, ::-1].argmax(axis=1)
+    return np.asarray(np.stack([first, last], axis=-1) * couples.any(axis=1, keepdims=True))
+
+
+@cache
+def _tables() -> tuple[Array, Array, Array, Array]:
+    """Return nodes, the series of an element's integrals, and what integration by parts takes.
+
+    Both tables are (term, end and node); the last is l_j's derivatives at the start (node, derivative).
+    int_0^e exp(z (e - s)) l_j(s) ds = sum_k [exp(z e) l_j^(k)(0) - l_j^(k)(e)] / z^(k+1).
+    """
+    nodes, _ = collocation.gauss(NODES)
+    series = collocation.integral_series()[..., :SMALL_TERMS].reshape(-1, SMALL_TERMS).T
+    at_end, at_start = np.zeros((NODES, NODES + 1, NODES)), np.zeros((NODES, NODES))
+    for j, powers in enumerate(collocation.lagrange_powers()):
+        for order in range(NODES):
+            derivative = np.polynomial.Polynomial(powers).deriv(order)
+            at_end[order, :, j], at_start[j, order] = -derivative(np.append(nodes, 1.0)), derivative(0.0)
+    return nodes, np.ascontiguousarray(series), at_end.reshape(NODES, -1), at_start
+
+
+@compiled
+def _dot(left, right):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for i in range(len(left)):
+        total += left[i] * right[i]
+    return total
+
+
+@compiled
+def _add(factor, vector, result):  # type: ignore[no-untyped-def]
+    for i in range(len(vector)):
+        result[i] += factor * vector[i]
+
+
+@compiled
+def _integrals(z, grown, series, at_end, at_start, real, imaginary):  # type: ignore[no-untyped-def]
+    """Fill the integrals of one pole (end and node,); grown: exp(z e) at every end."""
+    real[:] = 0.0
+    imaginary[:] = 0.0
+    near = abs(z) < SMALL
+    factor = z if near else 1.0 / z
+    power = 1.0 + 0.0j if near else factor
+    table = series if near else at_end
+    for term in range(len(table)):
+        for q in range(len(real)):
+            real[q] += power.real * table[term, q]
+            imaginary[q] += power.imag * table[term, q]
+        power *= factor
+    if not near:
+        for j in range(NODES):
+            constant, power = 0.0 + 0.0j, factor
+            for order in range(NODES):
+                constant += at_start[j, order] * power
+                power *= factor
+            for e in range(NODES + 1):
+                real[e * NODES + j] += (grown[e] * constant).real
+                imaginary[e * NODES + j] += (grown[e] * constant).imag
+
+
+@compiled
+def _integrate(  # type: ignore[no-untyped-def]
+    nodes, series, at_end, at_start, poles, seen, driven, h, advance, observe, drive, respond
+):
+    """Fill the exact integrals over an element of length h."""
+    outputs, inputs = seen.shape[0], driven.shape[1]
+    ends = series.shape[1]
+    real, imaginary = np.empty((len(poles), ends)), np.empty((len(poles), ends))
+    grown = np.empty((len(poles), NODES + 1), np.complex128)
     respond[:] = 0.0
     for k in range(len(poles)):
-        z = poles[k] * h
-        advance[k] = np.exp(z)
-        for i in range(count):
-            grown = np.exp(z * nodes[i])
-            for o in range(outputs):
-                shown = grown * seen[o, k]
-                observe[2 * k, i * outputs + o] = shown.real
-                observe[2 * k + 1, i * outputs + o] = -shown.imag
-        real[:] = 0.0
-        imaginary[:] = 0.0
-        power = h + 0j
-        for term in range(len(series)):
-            for q in range(series.shape[1]):
-                real[q] += power.real * series[term, q]
-                imaginary[q] += power.imag * series[term, q]
-            power *= z
-        for m in range(count):
-            whole = complex(real[count * count + m], imaginary[count * count + m])
-            for c in range(inputs):
-                moved = whole * driven[k, c]
-                drive[m * inputs + c, 2 * k] = moved.real
-                drive[m * inputs + c, 2 * k + 1] = moved.imag
+        like = 0  # x and y are often alike
+        while poles[like] != poles[k]:
+            like += 1
+        if like == k:
+            for e in range(NODES):
+                grown[k, e] = np.exp(poles[k] * h * nodes[e])
+            grown[k, NODES] = np.exp(poles[k] * h)
+            _integrals(poles[k] * h, grown[k], series, at_end, at_start, real[k], imaginary[k])
+        shape, re, im = grown[like], real[like], imaginary[like]
+        advance[k] = shape[NODES]
+        for o in range(outputs):
+            for i in range(NODES):
+                shown = shape[i] * seen[o, k]
+                observe[o * NODES + i, 2 * k] = shown.real
+                observe[o * NODES + i, 2 * k + 1] = -shown.imag
+        for c in range(inputs):
+            for m in range(NODES):
+                moved = h * driven[k, c] * complex(re[NODES * NODES + m], im[NODES * NODES + m])
+                drive[2 * k, c * NODES + m] = moved.real
+                drive[2 * k + 1, c * NODES + m] = moved.imag
         for o in range(outputs):
             for c in range(inputs):
-                through = seen[o, k] * driven[k, c]
+                through = h * seen[o, k] * driven[k, c]
                 if through != 0.0:
-                    for i in range(count):
-                        for m in range(count):
-                            respond[i * outputs + o, m * inputs + c] += (
-                                through.real * real[i * count + m] - through.imag * imaginary[i * count + m]
-                            )
+                    for i in range(NODES):
+                        row = respond[o * NODES + i]
+                        _add(through.real, re[i * NODES : (i + 1) * NODES], row[c * NODES : (c + 1) * NODES])
+                        _add(-through.imag, im[i * NODES : (i + 1) * NODES], row[c * NODES : (c + 1) * NODES])
 
 
-@_compiled
-def _invert(matrix, inverse):  # type: ignore[no-untyped-def]
-    """Invert a small matrix by Gauss-Jordan elimination with row pivoting; ``matrix`` is used up."""
+@compiled
+def _invert(matrix, swapped):  # type: ignore[no-untyped-def]
+    """Invert a small matrix in place by Gauss-Jordan elimination with row pivoting."""
     size = len(matrix)
-    inverse[:] = 0.0
-    for c in range(size):
-        inverse[c, c] = 1.0
     for c in range(size):
         pivot = c
         for r in range(c + 1, size):
             if abs(matrix[r, c]) > abs(matrix[pivot, c]):
                 pivot = r
-        for j in range(size):
-            matrix[c, j], matrix[pivot, j] = matrix[pivot, j], matrix[c, j]
-            inverse[c, j], inverse[pivot, j] = inverse[pivot, j], inverse[c, j]
+        swapped[c] = pivot
+        if pivot != c:
+            for j in range(size):
+                matrix[c, j], matrix[pivot, j] = matrix[pivot, j], matrix[c, j]
         scale = 1.0 / matrix[c, c]
+        matrix[c, c] = 1.0
         for j in range(size):
             matrix[c, j] *= scale
-            inverse[c, j] *= scale
         for r in range(size):
             if r != c:
                 factor = matrix[r, c]
+                matrix[r, c] = 0.0
                 for j in range(size):
                     matrix[r, j] -= factor * matrix[c, j]
-                    inverse[r, j] -= factor * inverse[c, j]
+    for c in range(size - 1, -1, -1):
+        if swapped[c] != c:
+            for r in range(size):
+                matrix[r, c], matrix[r, swapped[c]] = matrix[r, swapped[c]], matrix[r, c]
 
 
-@_compiled
-def _prepare(nodes, series, poles, seen, driven, piece, cuts, length, count, gain):  # type: ignore[no-untyped-def]
-    """Return the integrals of every piece (advance, observe, drive) and the transposed inverses of one point."""
-    outputs, inputs = seen.shape[0], driven.shape[1]
-    values, forces, parts = len(nodes) * outputs, len(nodes) * inputs, 2 * len(poles)
-    advance = np.empty((len(cuts), len(poles)), np.complex128)
-    observe, drive = np.empty((len(cuts), parts, values)), np.empty((len(cuts), forces, parts))
-    solve = np.empty((count, values, values))
-    respond = np.empty((len(cuts), values, forces))
-    implicit, inverse = np.empty((values, values)), np.empty((values, values))
-    for p in range(len(cuts)):
-        if cuts[p]:
-            _integrate(nodes, series, poles, seen, driven, length[p], advance[p], observe[p], drive[p], respond[p])
-        else:
-            for k in range(len(poles)):
-                advance[p, k] = np.exp(poles[k] * length[p])
+@compiled
+def _prepare(  # type: ignore[no-untyped-def]
+    nodes, series, at_end, at_start, poles, seen, driven, system, piece, count, cuts, length, gain,
+    table, advance, observe, drive, respond, solve,
+):  # fmt: skip
+    """Fill the integrals of every piece and the inverse of every element, point by point."""
+    swapped = np.empty(solve.shape[2], np.int64)
+    for p in range(len(piece)):
+        own = poles[system[p]]
+        for q in range(cuts.shape[1]):
+            table[p, q] = q
+            if not cuts[p, q]:
+                for k in range(len(own)):
+                    advance[p, q, k] = np.exp(own[k] * length[p, q])
+                continue
+            for other in range(q):
+                if cuts[p, other] and abs(length[p, q] - length[p, other]) <= LENGTH_TOLERANCE * length[p, q]:
+                    table[p, q] = table[p, other]
+            if table[p, q] == q:
+                _integrate(
+                    nodes, series, at_end, at_start, own, seen[system[p]], driven[system[p]], length[p, q],
+                    advance[p, q], observe[p, q], drive[p, q], respond[p, q],
+                )  # fmt: skip
+        for e in range(count[p]):
+            if cuts[p, piece[p, e]]:
+                _fill_implicit(respond[p, table[p, piece[p, e]]], gain[p, e], solve[p, e])
+                _invert(solve[p, e], swapped)
+
+
+@compiled
+def _fill_implicit(respond, gain, matrix):  # type: ignore[no-untyped-def]
+    """Fill 1 - respond K."""
+    inputs, outputs = gain.shape[0], gain.shape[1]
+    matrix[:] = 0.0
+    for i in range(len(matrix)):
+        for b in range(outputs):
+            for c in range(inputs):
+                for m in range(NODES):
+                    matrix[i, b * NODES + m] -= respond[i, c * NODES + m] * gain[c, b, m]
+        matrix[i, i] += 1.0
+
+
+@compiled
+def _apply(  # type: ignore[no-untyped-def]
+    start, end, force, work, sees, pushes, piece, count, cuts, table, advance, observe, drive, respond, solve, gain,
+    origin, past, share, term_gain,
+):  # fmt: skip
+    """Map one vector over a period; the forces (element, input and node) are left in ``force``."""
+    parts, values = drive.shape[1], observe.shape[1]
+    inputs, outputs = gain.shape[1], gain.shape[2]
+    z, mismatch, difference, delayed = end[:parts], work[0, :values], work[1, :values], work[2]
+    z[:] = start[:parts]
+    several = origin.shape[1] > 0
+    offset = parts
     for e in range(count):
-        if not cuts[piece[e]]:
-            continue
-        for i in range(values):
-            for m in range(len(nodes)):
-                for b in range(outputs):
-                    total = 0.0
-                    for c in range(inputs):
-                        total += respond[piece[e], i, m * inputs + c] * gain[e, m, c, b]
-                    implicit[i, m * outputs + b] = -total
-            implicit[i, i] += 1.0
-        _invert(implicit, inverse)
-        for i in range(values):
+        p, acts = table[piece[e]], cuts[piece[e]]
+        if acts:
+            before, after = start[offset : offset + values], end[offset : offset + values]
+            for o in range(outputs):
+                seen = slice(2 * sees[o, 0], 2 * sees[o, 1])
+                visible = z[seen]
+                for j in range(o * NODES, (o + 1) * NODES):
+                    row = observe[p, j]
+                    mismatch[j] = _dot(row[seen], visible)
+            if several:
+                _look_back(
+                    start[parts:], end[parts:], origin[e], past[e], share[e], term_gain[e], delayed[: inputs * NODES]
+                )
             for j in range(values):
-                solve[e, j, i] = inverse[i, j]
-    return advance, observe, drive, solve
-
-
-@_compiled
-def _apply(start, end, force, piece, cuts, count, gain, advance, observe, drive, solve):  # type: ignore[no-untyped-def]
-    """Map one vector over a period; the forces at the nodes (element, node x input) are left in ``force``."""
-    parts, values = observe.shape[1], observe.shape[2]
-    nodes, inputs, outputs = gain.shape[1], gain.shape[2], gain.shape[3]
-    z, following = start[:parts].copy(), np.empty(parts)
-    mismatch, difference = np.empty(values), np.empty(values)
-    for e in range(count):
-        p, offset = piece[e], parts + e * values
+                mismatch[j] -= _dot(respond[p, j], delayed[: inputs * NODES]) if several else before[j]
+            for j in range(values):
+                difference[j] = _dot(solve[e, j], mismatch)
+                after[j] = difference[j] if several else before[j] + difference[j]
+            acting = force[e]
+            for s in range(inputs * NODES):
+                acting[s] = -delayed[s] if several else 0.0
+            for c in range(inputs):
+                for b in range(outputs):
+                    for m in range(NODES):
+                        acting[c * NODES + m] += gain[e, c, b, m] * difference[b * NODES + m]
+            offset += values
         for k in range(parts // 2):
             moved = advance[p, k] * complex(z[2 * k], z[2 * k + 1])
-            following[2 * k], following[2 * k + 1] = moved.real, moved.imag
-        if cuts[p]:
-            for j in range(values):
-                mismatch[j] = -start[offset + j]
-                difference[j] = 0.0
-            for s in range(parts):
-                for j in range(values):
-                    mismatch[j] += z[s] * observe[p, s, j]
-            for s in range(values):
-                for j in range(values):
-                    difference[j] += mismatch[s] * solve[e, s, j]
-            for m in range(nodes):
+            z[2 * k], z[2 * k + 1] = moved.real, moved.imag
+            if acts:
+                pushing = slice(pushes[k, 0] * NODES, pushes[k, 1] * NODES)
+                real, imaginary, acting = drive[p, 2 * k], drive[p, 2 * k + 1], force[e]
+                z[2 * k] += _dot(real[pushing], acting[pushing])
+                z[2 * k + 1] += _dot(imaginary[pushing], acting[pushing])
+
+
+@compiled
+def _look_back(start, end, origin, past, share, term_gain, delayed):  # type: ignore[no-untyped-def]
+    """Add up what delayed outputs, of this period or the one before, do to the forces at an element's nodes."""
+    inputs, outputs = term_gain.shape[1], term_gain.shape[2]
+    delayed[:] = 0.0
+    for term in range(len(origin)):
+        for m in range(NODES):
+            for b in range(outputs):
+                first, value = (origin[term, m] * outputs + b) * NODES, 0.0
+                for i in range(NODES):
+                    value += share[term, m, i] * (start[first + i] if past[term, m] else end[first + i])
                 for c in range(inputs):
-                    total = 0.0
-                    for b in range(outputs):
-                        total += gain[e, m, c, b] * difference[m * outputs + b]
-                    force[e, m * inputs + c] = total
-            for s in range(nodes * inputs):
-                for j in range(parts):
-                    following[j] += force[e, s] * drive[p, s, j]
-            for j in range(values):
-                end[offset + j] = start[offset + j] + difference[j]
-        else:
-            for j in range(values):
-                end[offset + j] = 0.0
-        for j in range(parts):
-            z[j] = following[j]
-    for j in range(parts):
-        end[j] = z[j]
+                    delayed[c * NODES + m] += term_gain[term, c, b, m] * value
 
 
-@_compiled
+@compiled
 def _norm(vector, size):  # type: ignore[no-untyped-def]
     """Return a norm that overflows only where an entry does."""
+    square = _dot(vector[:size], vector[:size])
+    if SAFE_SQUARE < square < 1.0 / SAFE_SQUARE:
+        return math.sqrt(square)
     largest = 0.0
     for i in range(size):
         largest = max(largest, abs(vector[i]))
@@ -291,76 +481,81 @@ def _norm(vector, size):  # type: ignore[no-untyped-def]
     return largest * math.sqrt(total)
 
 
-@_compiled
-def _scaled(vector, result, size, factor):  # type: ignore[no-untyped-def]
-    for i in range(size):
-        result[i] = vector[i] * factor
+@compiled
+def _orthogonalise(new, basis, hessenberg, j, size):  # type: ignore[no-untyped-def]
+    """Take from ``new`` what lies in the first j + 1 vectors of the basis; return what is left of its norm.
+
+    Once is not enough where the vector nearly lies in the space.
+    """
+    before = _norm(new, size)
+    if not np.isfinite(before):
+        return before
+    for _ in range(3):
+        for a in range(j + 1):
+            known = basis[a]
+            overlap = _dot(known[:size], new[:size])
+            hessenberg[a, j] += overlap
+            _add(-overlap, known[:size], new[:size])
+        after = _norm(new, size)
+        if after > LEFT * before:
+            return after
+        # What is left of an exhausted space is rounding: it is exact already.
+        if after <= EXHAUSTED * before:
+            return 0.0
+        before = after
+    return after
 
 
-@_compiled
+@compiled
 def _krylov(  # type: ignore[no-untyped-def]
-    nodes, series, poles, seen, driven, system, piece, cuts, length, count, gain, alive, start, basis, hessenberg
-):
-    """Build the Krylov space of every point by Arnoldi's method with Gram and Schmidt's step done twice."""
-    parts, values, forces = alive.shape[1], len(nodes) * seen.shape[1], len(nodes) * driven.shape[2]
-    elements, steps = piece.shape[1], hessenberg.shape[2]
-    force = np.empty((elements, forces))
-    new = np.empty(parts + elements * values)
-    for p in range(len(system)):
-        s, size = system[p], parts + count[p] * values
-        advance, observe, drive, solve = _prepare(
-            nodes, series, poles[s], seen[s], driven[s], piece[p], cuts[p], length[p], count[p], gain[p]
-        )
-        first = basis[p, 0]
-        _scaled(start, first, size, 1.0)
-        for i in range(parts):
-            first[i] *= alive[s, i]
-        for _ in range(WARM_UP):
-            _apply(first, new, force, piece[p], cuts[p], count[p], gain[p], advance, observe, drive, solve)
-            norm = _norm(new, size)
+    sees, pushes, piece, count, cuts, table, advance, observe, drive, respond, solve, gain, origin, past, share,
+    term_gain, alive, system, start, basis, hessenberg,
+):  # fmt: skip
+    """Build the Krylov space of every point by Arnoldi's method."""
+    parts, values, steps = alive.shape[1], observe.shape[2], hessenberg.shape[2]
+    new, work = np.empty(len(start)), np.empty((3, max(values, drive.shape[3])))
+    force = np.empty((piece.shape[1], drive.shape[3]))
+    for p in range(len(piece)):
+        size = parts
+        for e in range(count[p]):
+            size += values * cuts[p, piece[p, e]]
+        maps = (
+            sees, pushes, piece[p], count[p], cuts[p], table[p], advance[p], observe[p], drive[p], respond[p], solve[p],
+            gain[p], origin[p], past[p], share[p], term_gain[p],
+        )  # fmt: skip
+        for i in range(size):
+            new[i] = start[i] * alive[system[p], i] if i < parts else start[i]
+        norm = _norm(new, size)
+        for j in range(-WARM_UP, min(steps, size) + 1):
             if norm == 0.0 or not np.isfinite(norm):
                 break
-            _scaled(new, first, size, 1.0 / norm)
-        else:
-            for j in range(min(steps, size)):
-                _apply(basis[p, j], new, force, piece[p], cuts[p], count[p], gain[p], advance, observe, drive, solve)
-                before = _norm(new, size)
-                if not np.isfinite(before):
-                    hessenberg[p, :, :] = 0.0
-                    break
-                for _ in range(2):
-                    for a in range(j + 1):
-                        overlap = 0.0
-                        for i in range(size):
-                            overlap += basis[p, a, i] * new[i]
-                        hessenberg[p, a, j] += overlap
-                        for i in range(size):
-                            new[i] -= overlap * basis[p, a, i]
-                norm = _norm(new, size)
-                # What is left of an exhausted space is rounding: it is exact already.
-                if norm > EXHAUSTED * before:
+            vector = basis[p, max(j, 0)]
+            for i in range(size):
+                vector[i] = new[i] / norm
+            if j < min(steps, size):
+                _apply(vector, new, force, work, *maps)
+                norm = _norm(new, size) if j < 0 else _orthogonalise(new, basis[p], hessenberg[p], j, size)
+                if j >= 0:
                     hessenberg[p, j + 1, j] = norm
-                    _scaled(new, basis[p, j + 1], size, 1.0 / norm)
+        if not np.isfinite(norm):
+            hessenberg[p] = 0.0
 
 
-@_compiled
+@compiled
 def _forces(  # type: ignore[no-untyped-def]
-    nodes, series, poles, seen, driven, system, piece, cuts, length, count, gain, vectors, result
-):
-    """Find the feedback force at the nodes for the vectors (real and imaginary part, point, size)."""
-    parts, values, forces = 2 * poles.shape[1], len(nodes) * seen.shape[1], len(nodes) * driven.shape[2]
-    elements, inputs = piece.shape[1], driven.shape[2]
-    force = np.empty((elements, forces))
-    end = np.empty(parts + elements * values)
-    for p in range(len(system)):
-        s = system[p]
-        advance, observe, drive, solve = _prepare(
-            nodes, series, poles[s], seen[s], driven[s], piece[p], cuts[p], length[p], count[p], gain[p]
-        )
+    sees, pushes, piece, count, cuts, table, advance, observe, drive, respond, solve, gain, origin, past, share,
+    term_gain, vectors, result,
+):  # fmt: skip
+    """Find the feedback force (part, point, element, input, node) of vectors (part, point, size), part by part."""
+    inputs, end = gain.shape[2], np.empty(vectors.shape[2])
+    work = np.empty((3, max(observe.shape[2], drive.shape[3])))
+    force = np.empty((piece.shape[1], drive.shape[3]))
+    for p in range(len(piece)):
         for part in range(len(vectors)):
-            force[:] = 0.0
-            _apply(vectors[part, p], end, force, piece[p], cuts[p], count[p], gain[p], advance, observe, drive, solve)
+            _apply(
+                vectors[part, p], end, force, work, sees, pushes, piece[p], count[p], cuts[p], table[p], advance[p],
+                observe[p], drive[p], respond[p], solve[p], gain[p], origin[p], past[p], share[p], term_gain[p],
+            )  # fmt: skip
             for e in range(count[p]):
-                for m in range(len(nodes)):
-                    for c in range(inputs):
-                        result[part, p, e, m, c] = force[e, m * inputs + c]
+                for s in range(inputs * NODES if cuts[p, piece[p, e]] else 0):
+                    result[part, p, e, s // NODES, s % NODES] = force[e, s]

@@ -52,12 +52,13 @@ class LinearSystem:
     """The linear systems of a batch of equations; many equations may share one.
 
     state_matrix A: (system, state, state); input_matrix B: (system, state, input); output_matrix C:
-    (system, output, state).
+    (system, output, state); known_spectrum: where whoever made A knows it in closed form.
     """
 
     state_matrix: Array
     input_matrix: Array
     output_matrix: Array
+    known_spectrum: Spectrum | None = None
 
     @cached_property
     def spectrum(self) -> Spectrum:
@@ -65,17 +66,24 @@ class LinearSystem:
 
         Raises UnsupportedEquation when A cannot be diagonalised.
         """
-        poles, modes = np.linalg.eig(self.state_matrix)
-        try:
-            inverse = np.linalg.inv(modes)
-            condition = float((np.linalg.norm(modes, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2))).max())
-        except np.linalg.LinAlgError:
-            condition = np.inf
+        spectrum, condition = self.known_spectrum or self._find_spectrum(), np.inf
+        if np.all(np.isfinite(spectrum.inverse)):
+            norms = np.linalg.norm(spectrum.modes, axis=(1, 2)) * np.linalg.norm(spectrum.inverse, axis=(1, 2))
+            condition = float(norms.max())
         if not condition < LARGEST_CONDITION:
             raise UnsupportedEquation(
                 f"state matrix cannot be diagonalised (condition {condition:.1e}, allowed "
                 f"{LARGEST_CONDITION:.0e}): two poles coincide, as at critical damping; change one of them a little"
             )
+        return spectrum
+
+    def _find_spectrum(self) -> Spectrum:
+        """Return the spectrum; an inverse that does not exist is not a number."""
+        poles, modes = np.linalg.eig(self.state_matrix)
+        try:
+            inverse = np.linalg.inv(modes)
+        except np.linalg.LinAlgError:
+            inverse = np.full_like(modes, np.nan)
         return Spectrum(poles=poles.astype(complex), modes=modes.astype(complex), inverse=inverse.astype(complex))
 
     @cached_property

@@ -11,14 +11,17 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter_core.floquet.ritz import dominant_pair
+
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 #: Applications before the Krylov space is begun: they remove what decays at once.
 WARM_UP = 2
-#: Sizes of the Krylov space at which the critical Ritz value is tested.
-SPACE_SIZES = (24, 32, 44, 72, 110)
-#: Residual of the critical Ritz pair, relative to its modulus.
+#: Sizes of the Krylov space at which the critical Ritz value is tested, beyond 4 and 9/8 of the states:
+#: every mode has a multiplier, and only a few more are felt.
+BEYOND_STATES = (0, 4, 10, 22, 44, 84)
+#: Default residual of the critical Ritz pair, relative to its modulus.
 RESIDUAL_TOLERANCE = 1e-9
 #: Part of an applied vector outside the space, relative to it, that counts as rounding.
 EXHAUSTED = 1e-13
@@ -31,11 +34,18 @@ class Monodromy(Protocol):
     def shape(self) -> tuple[int, int]:
         """Number of points and size of the discretised state."""
 
+    @property
+    def states(self) -> int:
+        """Number of states of the linear system, at most that of the discretised state."""
+
     def krylov(self, start: Array, steps: int) -> tuple[Array, Array]:
         """Return Arnoldi's basis (point, steps + 1, size) and Hessenberg matrix (point, steps + 1, steps)."""
 
     def select(self, points: NDArray[np.intp]) -> Self:
         """Return the operator of some of the points."""
+
+    def force(self, vectors: ComplexArray) -> tuple[Array, Array, ComplexArray]:
+        """Return times (point, sample), weights (point, sample) and feedback force (point, sample, input)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,11 +61,40 @@ class CriticalMultiplier:
     converged: NDArray[np.bool_]
 
 
-def critical_multiplier(monodromy: Monodromy) -> CriticalMultiplier:
+@dataclass(frozen=True, kw_only=True)
+class CriticalMotion:
+    """Critical multiplier (point,) and the feedback force of its motion over one period.
+
+    ``converged`` (point,) is False where the multiplier did not settle; time, weight: (point, sample)
+    [s], of a quadrature over the period; force: (point, sample, input), to any complex scale.
+    """
+
+    multiplier: ComplexArray
+    converged: NDArray[np.bool_]
+    time: Array
+    weight: Array
+    force: ComplexArray
+
+
+def critical_motion(monodromy: Monodromy, residual_tolerance: float = RESIDUAL_TOLERANCE) -> CriticalMotion:
+    """Return the critical multiplier of every point and the force of its motion.
+
+    See docs/physics.md#critical-multiplier.
+    """
+    critical = critical_multiplier(monodromy, residual_tolerance)
+    with np.errstate(over="ignore", invalid="ignore"):
+        time, weight, force = monodromy.force(critical.vector)
+    return CriticalMotion(
+        multiplier=critical.value, converged=critical.converged, time=time, weight=weight, force=force
+    )
+
+
+def critical_multiplier(monodromy: Monodromy, residual_tolerance: float = RESIDUAL_TOLERANCE) -> CriticalMultiplier:
     """Return the multiplier of largest modulus of every point.
 
-    The Krylov space grows until the Ritz value of largest modulus has a small residual; a larger
-    Ritz value that has not settled yet therefore never hides behind a settled smaller one.
+    The Krylov space grows until the Ritz value of largest modulus has a residual below the tolerance,
+    relative to it; a larger Ritz value that has not settled yet therefore never hides behind a
+    settled smaller one.
 
     A point for which the largest space does not suffice, or whose motion leaves the range of floating
     point within a period, is marked, not hidden.
@@ -63,41 +102,27 @@ def critical_multiplier(monodromy: Monodromy) -> CriticalMultiplier:
     See docs/physics.md#critical-multiplier.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        return _critical_multiplier(monodromy)
+        return _critical_multiplier(monodromy, residual_tolerance)
 
 
-def _critical_multiplier(monodromy: Monodromy) -> CriticalMultiplier:
+def _critical_multiplier(monodromy: Monodromy, residual_tolerance: float) -> CriticalMultiplier:
     points, size = monodromy.shape
     value = np.zeros(points, dtype=complex)
     vector = np.zeros((points, size), dtype=complex)
     residual = np.full(points, np.inf)
     start = np.random.default_rng(20111).standard_normal(size)
     open_points = np.arange(points)
-    for wanted in [min(s, size) for s in SPACE_SIZES if s < size] + [min(size, SPACE_SIZES[-1])]:
-        theta, ritz, error = _dominant(*monodromy.krylov(start, wanted))
+    first = monodromy.states + monodromy.states // 8 + 4
+    for wanted in sorted({min(first + beyond, size) for beyond in BEYOND_STATES}):
+        theta, ritz, error = dominant_pair(*monodromy.krylov(start, wanted), residual_tolerance)
         value[open_points], vector[open_points], residual[open_points] = theta, ritz, error
-        unsettled = error > RESIDUAL_TOLERANCE * np.abs(theta)
+        unsettled = ~(error <= residual_tolerance * np.abs(theta))
         if not unsettled.any():
             break
         open_points, monodromy = open_points[unsettled], monodromy.select(np.flatnonzero(unsettled))
     # A value of exactly zero is what is left of vectors that overflowed.
-    converged = (residual <= RESIDUAL_TOLERANCE * np.abs(value)) & (value != 0.0) & np.isfinite(value)
+    converged = (residual <= residual_tolerance * np.abs(value)) & (value != 0.0) & np.isfinite(value)
     return CriticalMultiplier(value=value, vector=vector, converged=converged)
-
-
-def _dominant(basis: Array, hessenberg: Array) -> tuple[ComplexArray, ComplexArray, Array]:
-    """Return the Ritz value of largest modulus, its vector and its residual, per point."""
-    steps = hessenberg.shape[2]
-    values, vectors = np.linalg.eig(hessenberg[:, :steps])
-    values, vectors = values.astype(complex), vectors.astype(complex)
-    # Of a complex pair take the one with positive angle, whatever rounding says of their moduli.
-    rank = np.abs(values) * (1.0 + 1e-12 * (values.imag >= 0.0))
-    best = rank.argmax(axis=1)
-    rows = np.arange(len(best))
-    theta, coordinates = values[rows, best], vectors[rows, :, best]
-    residual = hessenberg[:, steps, steps - 1] * np.abs(coordinates[:, -1])
-    vector = (coordinates[:, None, :] @ basis[:, :steps].astype(complex))[:, 0]
-    return theta, vector, residual
 
 
 def arnoldi(apply: Callable[[Array], Array], start: Array, steps: int) -> tuple[Array, Array]:

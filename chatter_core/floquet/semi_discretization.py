@@ -75,6 +75,11 @@ class SemiDiscretizationMonodromy:
     history: int
 
     @property
+    def states(self) -> int:
+        """Number of states of the linear system."""
+        return int(self.present.shape[2])
+
+    @property
     def shape(self) -> tuple[int, int]:
         """Number of points and size of the discretised state."""
         points, _, states, _ = self.present.shape

@@ -1,12 +1,13 @@
 """Floquet analysis against cases that can be solved on paper."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from chatter_core.errors import UnsupportedEquation
-from chatter_core.floquet import DelayedFeedback, DelayEquation, LinearSystem, MethodSettings, analyse
+from chatter_core.floquet import DelayedFeedback, DelayEquation, LinearSystem, MethodSettings, analyse, collocation
 from chatter_core.floquet.collocation import NODES, SERIES_TERMS, gauss, integral_series
 from tests.conftest import COLLOCATION, milling_benchmark, oscillator
 
@@ -63,7 +64,8 @@ def test_without_cutting_the_multipliers_are_those_of_the_structure(method):
     assert abs(analyse(equation, method).multiplier[0]) == pytest.approx(free, rel=1e-7)
 
 
-def test_two_delays_are_refused_by_collocation_and_solved_by_semi_discretization():
+@pytest.mark.parametrize("method", [COLLOCATION, MethodSettings(name="semi_discretization", intervals=50, order=0)])
+def test_a_force_written_as_two_halves_is_the_same_force(method):
     one = oscillator(frequency=1.0, damping=0.1, mass=1.0, gain=0.3, period=2.0)
     half = DelayedFeedback(gain=lambda time: 0.5 * one.feedback[0].gain(time), delay=one.period)
     split = DelayEquation(
@@ -73,11 +75,14 @@ def test_two_delays_are_refused_by_collocation_and_solved_by_semi_discretization
         period=one.period,
         breakpoints=one.breakpoints,
     )
+    # Rounding alone, and the residual of eigenvalues, 1e-7.
+    assert analyse(split, method).multiplier == pytest.approx(analyse(one, method).multiplier, rel=1e-7)
+
+
+def test_the_plain_twin_refuses_several_delays():
+    one = oscillator(frequency=1.0, damping=0.1, mass=1.0, gain=0.3, period=2.0)
     with pytest.raises(UnsupportedEquation, match="one delay equal to the period"):
-        analyse(split, COLLOCATION)
-    method = MethodSettings(name="semi_discretization", intervals=50, order=0)
-    # The same force written as two halves: rounding alone.
-    assert analyse(split, method).multiplier == pytest.approx(analyse(one, method).multiplier, rel=1e-10)
+        collocation.build(replace(one, feedback=(*one.feedback, *one.feedback)))
 
 
 def test_a_defective_structure_is_refused():

@@ -20,7 +20,8 @@ from scipy.signal import lsim
 
 from chatter_core.chain import structure
 from chatter_core.cutting import engagement, force_coefficients
-from chatter_core.lobes import evaluate, lobe_block
+from chatter_core.lobes import lobe_block
+from chatter_core.stability import evaluate
 from tests.conftest import COLLOCATION
 from tests.nonlinear.simulation import Cutter, ModalSteps, simulate
 

@@ -89,6 +89,16 @@ def test_chunking_changes_the_physics_by_rounding_alone(smoke, tmp_path):
     np.testing.assert_allclose(one["limit_depth"], two["limit_depth"], atol=2e-4)  # [mm], the root's tolerance
 
 
+def test_an_adaptive_study_has_the_same_boundary_and_counts_as_complete(smoke, tmp_path):
+    output = tmp_path / "adaptive"
+    assert run(["study=smoke", "cluster=serial", "grid.cells=adaptive", f"output={output}"]) == 0
+    with store.open_lobes(smoke / "lobes.zarr") as dense, store.open_lobes(output / "lobes.zarr") as sparse:
+        assert np.array_equal(dense["spectral_radius"].values > 1.0, sparse["spectral_radius"].values > 1.0)
+        # Roots to 5e-7 m each.
+        assert sparse["limit_depth"].values == pytest.approx(dense["limit_depth"].values, abs=1e-3, nan_ok=True)
+        assert set(np.unique(sparse["status"])) == {STATUS["ok"], STATUS["interpolated"]}
+
+
 def test_resuming_computes_only_what_is_missing(without_report, tmp_path):
     sweep(tmp_path)
     whole = arrays(tmp_path)

@@ -5,16 +5,16 @@ import pytest
 from hypothesis import given, settings
 
 from chatter_core.floquet import collocation, compiled
-from chatter_core.floquet.multipliers import critical_multiplier
+from chatter_core.floquet.multipliers import critical_motion
 from tests.conftest import milling_benchmark, oscillator
 from tests.property.test_stability_invariances import CUTS, MODES, equation, tip_modes
 
 
 def agree(problem) -> None:
-    plain, fast = (critical_multiplier(module.build(problem)) for module in (collocation, compiled))
+    plain, fast = critical_motion(collocation.build(problem)), critical_motion(compiled.build(problem))
     assert np.array_equal(plain.converged, fast.converged)
     # Both iterate to a residual of 1e-9; multipliers near a double one magnify it.
-    assert np.abs(fast.value) == pytest.approx(np.abs(plain.value), rel=1e-7)
+    assert np.abs(fast.multiplier) == pytest.approx(np.abs(plain.multiplier), rel=1e-7)
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
@@ -29,10 +29,10 @@ def test_a_batch_of_the_benchmark_is_the_same_and_each_point_alone_too():
         direction="slot", immersion=1.0, rpm=[5000.0] * 9, depth_mm=depths.tolist(), axes=(0, 1)
     )
     agree(together)
-    found = critical_multiplier(compiled.build(together)).value
+    found = critical_motion(compiled.build(together)).multiplier
     for depth, value in zip(depths, found, strict=True):
         alone = milling_benchmark(direction="slot", immersion=1.0, rpm=[5000.0], depth_mm=[depth], axes=(0, 1))
-        assert critical_multiplier(compiled.build(alone)).value[0] == value
+        assert critical_motion(compiled.build(alone)).multiplier[0] == value
 
 
 def test_one_input_an_overdamped_pair_of_poles_and_a_steady_gain():
@@ -43,9 +43,7 @@ def test_one_input_an_overdamped_pair_of_poles_and_a_steady_gain():
 def test_forces_belong_to_the_same_motion():
     problem = milling_benchmark(direction="down", immersion=0.4, rpm=[7000.0], depth_mm=[0.8], axes=(0, 1))
     found = []
-    for module in (collocation, compiled):
-        operator = module.build(problem)
-        time, weight, force = operator.force(critical_multiplier(operator).vector)
-        found.append((time, weight, force / force.ravel()[np.abs(force).argmax()]))
+    for motion in (critical_motion(collocation.build(problem)), critical_motion(compiled.build(problem))):
+        found.append((motion.time, motion.weight, motion.force / motion.force.ravel()[np.abs(motion.force).argmax()]))
     for plain, fast in zip(*found, strict=True):
         assert fast == pytest.approx(plain, rel=1e-6, abs=1e-6)

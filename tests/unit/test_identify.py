@@ -8,12 +8,13 @@ from pydantic import ValidationError
 
 from chatter_core.chain import structure
 from chatter_core.errors import InvalidInput
-from chatter_core.evidence.identified_tip import FREQUENCY_ERROR, GAIN_ERROR, MeasuredReceptance, identify_tip
+from chatter_core.evidence.identified_tip import FREQUENCY_ERROR, GAIN_ERROR, identify_tip
 from chatter_core.evidence.identify import FLOOR_ERROR, RELATIVE_ERROR, identify_modes
+from chatter_core.evidence.measured import Receptance
 from chatter_core.floquet import MethodSettings
 from chatter_core.lobes import lobe_block
 from chatter_core.machine import Machine, Tip, TipMode
-from chatter_core.tip import TipModes, measured_modes, receptance
+from chatter_core.tip import AXES, TipModes, measured_modes, receptance
 
 HERTZ = 2.0 * np.pi
 RPM = HERTZ / 60.0
@@ -37,8 +38,17 @@ def errors_of(true, share, seed):
 
 
 def measured(axis="x", rpm=0.0, modes=TWO, **settings):
-    return MeasuredReceptance(
-        axis=axis, spindle_speed=rpm * RPM, frequency=BAND, receptance=direct(modes=modes, **settings)
+    return taken(direct(modes=modes, **settings), axis, rpm)
+
+
+def taken(value, axis="x", rpm=0.0, force=None, frequency=BAND):
+    return Receptance(
+        source="frf.csv",
+        spindle_speed=rpm * RPM,
+        output_axis=AXES.index(axis),
+        input_axis=AXES.index(force or axis),
+        frequency=frequency,
+        value=value,
     )
 
 
@@ -134,7 +144,7 @@ def test_contributions_and_what_is_outside_add_up_to_the_fit():
 
 def test_the_machine_gets_what_was_identified_with_gain_and_scale_in_its_deviations():
     found = identify_tip([measured("y", seed=2), measured("x")])
-    assert [measured.axis for measured in found.receptances] == ["x", "y"]
+    assert [str(measured) for measured in found.receptances] == ["x over x at 0 rpm", "y over y at 0 rpm"]
     assert [mode.axis for mode in found.tip.modes] == ["x", "x", "y", "y"]
     modes, described = found.modes[0], found.tip.modes[1]
     # Written in the border's units and read back: rounding.
@@ -181,25 +191,28 @@ def test_a_mode_that_one_speed_shows_badly_is_continued_from_another():
 def test_a_mode_without_a_trace_at_another_speed_is_told():
     fast = (*TWO, (1300.0, 0.03, 3e7))
     said = finding(identify_tip, [measured(share=0.0), measured(rpm=9000.0, modes=fast)])
-    assert said.startswith("x at 0 rpm: receptance: no trace of the mode that a neighbouring speed has at 1300 Hz")
+    assert said.startswith(
+        "x over x at 0 rpm: receptance: no trace of the mode that a neighbouring speed has at 1300 Hz"
+    )
 
 
 def test_receptances_that_do_not_belong_together_are_refused():
     assert "found none" in finding(identify_tip, [])
-    assert "x at 0 rpm: found twice" in finding(identify_tip, [measured(), measured()])
+    assert "receptance x over x at 0 rpm: found twice" in finding(identify_tip, [measured(), measured()])
     said = finding(identify_tip, [measured(), measured("y"), measured("y", rpm=3000.0)])
     assert "spindle_speed_rpm: 3000 found in one axis alone" in said
+    said = finding(identify_tip, [measured(), taken(direct(), "x", force="y")])
+    assert "receptance x over y at 0 rpm: its axes differ" in said
 
 
-def test_refusals_name_axis_and_speed():
-    upside_down = MeasuredReceptance(axis="y", spindle_speed=3000.0 * RPM, frequency=BAND, receptance=-direct())
-    assert finding(identify_tip, [upside_down]).startswith("y at 3000 rpm: receptance: its imaginary part")
+def test_refusals_name_axes_and_speed():
+    said = finding(identify_tip, [taken(-direct(), "y", rpm=3000.0)])
+    assert said.startswith("y over y at 3000 rpm: receptance: its imaginary part")
 
 
 def test_values_that_no_machine_can_have_are_told():
     # A receptance in um/N taken for one in m/N.
-    huge = MeasuredReceptance(axis="x", spindle_speed=0.0, frequency=BAND, receptance=direct() * 1e12)
-    assert "identified modes[0].stiffness_n_um: found" in finding(identify_tip, [huge])
+    assert "identified modes[0].stiffness_n_um: found" in finding(identify_tip, [taken(direct() * 1e12)])
 
 
 def test_the_identified_tip_predicts_the_limit_of_the_spindle_it_was_measured_on(reference_machine):
@@ -209,13 +222,13 @@ def test_the_identified_tip_predicts_the_limit_of_the_spindle_it_was_measured_on
     true = receptance(modes, frequency)[0]
     found = identify_tip(
         [
-            MeasuredReceptance(
-                axis=axis,
-                spindle_speed=speed[0],
+            taken(
+                true[:, place, place] + errors_of(true[:, place, place], 1.0, place),
+                axis,
+                rpm=12000.0,
                 frequency=frequency,
-                receptance=true[:, place, place] + errors_of(true[:, place, place], 1.0, place),
             )
-            for place, axis in ((0, "x"), (1, "y"))
+            for place, axis in enumerate(AXES)
         ]
     )
     described = reference_machine.described()

@@ -1,0 +1,302 @@
+"""A measurement campaign: one folder with the machine as it is believed to be, and what was measured.
+
+Every file but machine.yaml may be left away, and one at least holds a measurement. Errors are what
+makes a file unreadable or contradictory; what is only odd is a remark.
+"""
+
+import difflib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import ParamSpec, TypeVar
+
+import numpy as np
+
+from chatter_core.errors import InvalidInput
+from chatter_core.evidence.columns import NO_WORD
+from chatter_core.evidence.findings import Findings, checked_file
+from chatter_core.evidence.measured import (
+    BEARING,
+    DIRECTIONS,
+    LIMITS,
+    MODES,
+    OUTCOMES,
+    RECEPTANCE,
+    STABILITY,
+    TABLES,
+    BearingStiffness,
+    Limits,
+    NaturalFrequencies,
+    Receptance,
+    Responses,
+    Trials,
+)
+from chatter_core.evidence.table import Rows, read_table
+from chatter_core.evidence.uff import UFF_ENDINGS, read_uff
+from chatter_core.machine import Machine
+from chatter_core.reading import read_machine
+
+MACHINE_FILE = "machine.yaml"
+#: Receptances of tool tips that are met [m/N], by the median over frequency.
+USUAL_RECEPTANCE = (1e-9, 1e-4)
+#: Share of the imaginary part in a response's peak beyond which its sign is that of a resonance.
+CLEAR_SIGN = 0.5
+#: Endings of files that are probably meant to be read.
+TABLE_ENDINGS = (".csv", ".tsv", ".xls", ".xlsx", ".ods")
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Campaign:
+    """What was measured on a machine; None or empty where nothing was.
+
+    remarks: what is odd and should be told, though it can be read; unknown_columns: file and name
+    of the columns that the program does not know.
+    """
+
+    machine: Machine
+    trials: Trials | None
+    receptances: tuple[Receptance, ...]
+    natural_frequencies: NaturalFrequencies | None
+    stiffness: BearingStiffness | None
+    limits: Limits | None
+    remarks: tuple[str, ...]
+    unknown_columns: tuple[str, ...]
+
+
+def read_campaign(folder: Path) -> Campaign:
+    """Return the campaign in a folder.
+
+    Raises InvalidInput with the findings of all files, each naming file, line and column or key, what
+    was found and what is allowed.
+    """
+    if not folder.is_dir():
+        raise InvalidInput([f"{folder}: no such folder; a campaign is a folder with {MACHINE_FILE} and measurements"])
+    unread = _unread_files(folder)
+    machine_problems: list[str] = []
+    problems: list[str] = []
+    remarks: list[str] = []
+    machine = _noting(machine_problems, _machine, folder / MACHINE_FILE)
+    rows = _all_rows(folder, problems, remarks)
+    receptances = _receptances(rows[RECEPTANCE.file], RECEPTANCE.file) if RECEPTANCE.file in rows else []
+    for path in sorted(path for path in folder.iterdir() if path.suffix.lower() in UFF_ENDINGS):
+        found = _noting(problems, read_uff, path)
+        if found is not None:
+            receptances += found.receptances
+            remarks += found.remarks
+    problems += _measured_twice(folder, receptances)
+    if not problems and not rows and not receptances:
+        problems.append(_nothing_measured(folder, unread))
+    if STABILITY.file in rows and machine is not None:
+        problems += _contradictions(folder / STABILITY.file, rows[STABILITY.file], machine)
+    if problems or machine is None:
+        raise InvalidInput(machine_problems + problems)
+    return Campaign(
+        machine=machine,
+        trials=_trials(rows[STABILITY.file]) if STABILITY.file in rows else None,
+        receptances=tuple(receptances),
+        natural_frequencies=_natural_frequencies(rows[MODES.file]) if MODES.file in rows else None,
+        stiffness=_stiffness(rows[BEARING.file]) if BEARING.file in rows else None,
+        limits=_limits(rows[LIMITS.file]) if LIMITS.file in rows else None,
+        remarks=(*unread, *remarks, *_oddities(rows, receptances, machine)),
+        unknown_columns=tuple(name for file, found in rows.items() for name in _unknown_columns(found, file)),
+    )
+
+
+def read_responses(path: Path) -> Responses:
+    """Return the receptances in one file, checked as a campaign's: a universal file, or a table as frf.csv is.
+
+    Raises InvalidInput with the findings, each naming file, line and column or record, what was found
+    and what is allowed.
+    """
+    if path.suffix.lower() in UFF_ENDINGS:
+        found = read_uff(path)
+    else:
+        rows = read_table(path, RECEPTANCE)
+        if not len(rows):
+            raise InvalidInput([f"{path}: holds a header and no rows, needed: a line for each frequency"])
+        found = Responses(
+            receptances=tuple(_receptances(rows, path.name)), unknown_columns=_unknown_columns(rows, path.name)
+        )
+    problems = _measured_twice(path.parent, found.receptances)
+    if problems:
+        raise InvalidInput(problems)
+    odd = [remark for receptance in found.receptances for remark in _odd_receptance(receptance)]
+    return replace(found, remarks=(*found.remarks, *odd))
+
+
+def _noting(problems: list[str], read: Callable[P, T], *what: P.args, **how: P.kwargs) -> T | None:
+    """Return what can be read, None where it cannot be and its problems are noted."""
+    try:
+        return read(*what, **how)
+    except InvalidInput as error:
+        problems.extend(error.problems)
+        return None
+
+
+def _machine(path: Path) -> Machine:
+    """Return the machine; raise InvalidInput when its file is missing or wrong."""
+    if not (path.exists() or path.is_symlink()):
+        raise InvalidInput(
+            [
+                f"{path}: no such file; needed: the machine as it is believed to be; "
+                "`python -m pipeline template output=DIR` writes one to fill in"
+            ]
+        )
+    return read_machine(checked_file(path))
+
+
+def _all_rows(folder: Path, problems: list[str], remarks: list[str]) -> dict[str, Rows]:
+    """Return the rows of every table that holds some, by file."""
+    rows = {}
+    for table in TABLES:
+        path = folder / table.file
+        if path.exists() or path.is_symlink():
+            found = _noting(problems, read_table, path, table)
+            if found is not None and len(found):
+                rows[table.file] = found
+            elif found is not None:
+                remarks.append(f"{table.file}: holds a header and no rows, nothing was read from it")
+    return rows
+
+
+def _unread_files(folder: Path) -> list[str]:
+    """Return a remark for every file that looks like a table and is none of a campaign's."""
+    names = [table.file for table in TABLES]
+    remarks = []
+    for path in sorted(folder.iterdir()):
+        if path.suffix.lower() in TABLE_ENDINGS and path.name not in names:
+            close = difflib.get_close_matches(path.name.lower(), names, n=1)
+            remarks.append(f"{path.name}: is not read" + (f"; did you mean {close[0]}?" if close else ""))
+    return remarks
+
+
+def _nothing_measured(folder: Path, unread: list[str]) -> str:
+    files = ", ".join([table.file for table in TABLES] + [f"*{ending}" for ending in UFF_ENDINGS])
+    found = f" ({'; '.join(unread)})" if unread else ""
+    return f"{folder}: no measurement yet; needed: rows in one at least of {files}{found}"
+
+
+def _measured_twice(folder: Path, receptances: Sequence[Receptance]) -> list[str]:
+    """Return a finding for every response that two files or two records hold."""
+    problems = []
+    first: dict[str, Receptance] = {}
+    for receptance in receptances:
+        other = first.setdefault(str(receptance), receptance)
+        if other is not receptance:
+            problems.append(
+                f"{folder / receptance.source}: receptance {receptance} stands in {other.source} too; keep one of them"
+            )
+    return problems
+
+
+def _contradictions(path: Path, rows: Rows, machine: Machine) -> list[str]:
+    """Return a finding for every trial whose direction and immersion exclude each other."""
+    own, findings = machine.process, Findings(path)
+    immersion = np.where(
+        np.isnan(rows.columns["radial_immersion"]), own.radial_immersion, rows.columns["radial_immersion"]
+    )
+    direction = rows.codes("direction")
+    direction = np.where(direction == NO_WORD, DIRECTIONS.index(own.direction), direction)
+    for row in np.flatnonzero((direction == DIRECTIONS.index("slot")) & (immersion != 1.0)):
+        findings.add(
+            f"direction slot needs 1, found {immersion[row]:g}", line=int(rows.line[row]), column="radial_immersion"
+        )
+    return findings.sentences()
+
+
+def _trials(rows: Rows) -> Trials:
+    frequency = rows.columns["chatter_frequency"].copy()
+    # A stable cut has forced vibration alone: whatever was noted there is no chatter frequency.
+    frequency[rows.codes("outcome") == OUTCOMES.index("stable")] = np.nan
+    return Trials(
+        trial=rows.numbers("trial"),
+        spindle_speed=rows.columns["spindle_speed"],
+        axial_depth=rows.columns["axial_depth"],
+        outcome=rows.codes("outcome"),
+        chatter_frequency=frequency,
+        preload=rows.columns["preload"],
+        radial_immersion=rows.columns["radial_immersion"],
+        feed_per_tooth=rows.columns["feed_per_tooth"],
+        direction=rows.codes("direction"),
+        unknown=rows.unknown,
+    )
+
+
+def _unknown_columns(rows: Rows, file: str) -> tuple[str, ...]:
+    """Return file and name of the columns that the program does not know."""
+    return tuple(f"{file}: {key}" for key in rows.unknown)
+
+
+def _receptances(rows: Rows, source: str) -> list[Receptance]:
+    """Return the rows as one response for each speed, output and input axis."""
+    speed, output, input_ = (rows.columns[name] for name in ("spindle_speed", "output_axis", "input_axis"))
+    value = rows.columns["real"] + 1j * rows.columns["imag"]
+    changes = (np.diff(speed) != 0) | (np.diff(output) != 0) | (np.diff(input_) != 0)
+    starts = [0, *(np.flatnonzero(changes) + 1)]
+    return [
+        Receptance(
+            source=source,
+            spindle_speed=float(speed[start]),
+            output_axis=int(output[start]),
+            input_axis=int(input_[start]),
+            frequency=rows.columns["frequency"][start:end],
+            value=value[start:end],
+        )
+        for start, end in zip(starts, [*starts[1:], len(rows)], strict=True)
+    ]
+
+
+def _natural_frequencies(rows: Rows) -> NaturalFrequencies:
+    return NaturalFrequencies(
+        spindle_speed=rows.columns["spindle_speed"],
+        mode=rows.numbers("mode"),
+        natural_frequency=rows.columns["natural_frequency"],
+        damping_ratio=rows.columns["damping_ratio"],
+    )
+
+
+def _stiffness(rows: Rows) -> BearingStiffness:
+    return BearingStiffness(**{field.name: rows.columns[field.name] for field in fields(BearingStiffness)})
+
+
+def _limits(rows: Rows) -> Limits:
+    return Limits(**{field.name: rows.columns[field.name] for field in fields(Limits)})
+
+
+def _oddities(rows: dict[str, Rows], receptances: list[Receptance], machine: Machine) -> list[str]:
+    """Return what can be read and is yet hardly meant."""
+    remarks = [remark for receptance in receptances for remark in _odd_receptance(receptance)]
+    trials = rows.get(STABILITY.file)
+    if trials is not None:
+        stable = trials.codes("outcome") == OUTCOMES.index("stable")
+        noted = trials.line[stable & ~np.isnan(trials.columns["chatter_frequency"])]
+        if len(noted):
+            remarks.append(
+                f"{STABILITY.file}: {len(noted)} stable trials name a chatter frequency, line {noted[0]} the first; "
+                "it is not used"
+            )
+        if machine.spindle is None and not np.isnan(trials.columns["preload"]).all():
+            remarks.append(f"{STABILITY.file}: preload_n is not used, the machine's measured tip modes know no preload")
+    return remarks
+
+
+def _odd_receptance(receptance: Receptance) -> list[str]:
+    """Return what speaks for another unit or another sign convention in a response."""
+    remarks = []
+    least, most = USUAL_RECEPTANCE
+    usual = float(np.median(np.abs(receptance.value)))
+    if not least <= usual <= most:
+        remarks.append(
+            f"{receptance.source}: receptance {receptance} has a median of {usual * 1e6:.3g} um/N, usual are "
+            f"{least * 1e6:g} to {most * 1e6:g}; is its unit right?"
+        )
+    peak = receptance.value[np.argmax(np.abs(receptance.value))]
+    if receptance.is_direct and peak.imag > CLEAR_SIGN * abs(peak):
+        remarks.append(
+            f"{receptance.source}: receptance {receptance} has a positive imaginary part at its peak; it is negative "
+            "with exp(+i w t), so force or displacement is probably turned round, or the convention is another"
+        )
+    return remarks

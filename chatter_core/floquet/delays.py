@@ -1,0 +1,96 @@
+"""Several delays: where in the period each node's delayed outputs lie, and how they are interpolated.
+
+With teeth that differ, one after the other, the period is a revolution and each tooth has its own delay.
+A delayed output w(t - tau_l) is the polynomial through the nodes of the element that t - tau_l lies in:
+one already passed in this period, or one of the period before. Where a breakpoint comes back after a
+delay the period is broken too, so that every element looks back into one smooth piece.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_core.errors import UnsupportedEquation
+from chatter_core.floquet import collocation
+from chatter_core.floquet.collocation import NODES, Elements
+from chatter_core.floquet.equation import Array, DelayEquation
+
+#: A delay may exceed the period by this share: by rounding.
+DELAY_TOLERANCE = 1e-12
+
+
+@dataclass(frozen=True, kw_only=True)
+class LookBack:
+    """Where delayed outputs come from, arrays (point, element, term, node, ...).
+
+    element: the element that holds them; past: whether a period ago; weight: (.., node) of the values
+    at its nodes. gain: of each term (point, element, term, node, input, output).
+    """
+
+    element: NDArray[np.intp]
+    past: NDArray[np.bool_]
+    weight: Array
+    gain: Array
+
+
+def is_one_period(equation: DelayEquation) -> bool:
+    """Return whether there is one delay, equal to the period.
+
+    See docs/physics.md#collocation.
+    """
+    delays = [feedback.delay for feedback in equation.feedback]
+    return len(delays) == 1 and bool(np.all(np.abs(delays[0] - equation.period) <= DELAY_TOLERANCE * equation.period))
+
+
+def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Elements, LookBack]:
+    """Return the elements of every point and where their nodes look back to.
+
+    Raises UnsupportedEquation when a delay is not positive or longer than the period, and as
+    ``collocation.break_up`` does.
+
+    See docs/physics.md#collocation.
+    """
+    delays = np.stack([feedback.delay for feedback in equation.feedback], axis=-1)
+    period = equation.period[:, None]
+    if not np.all((delays > 0.0) & (delays <= (1.0 + DELAY_TOLERANCE) * period)):
+        raise UnsupportedEquation("delays must be positive and at most the period")
+    returning = (equation.breakpoints[:, :, None] + delays[:, None, :]).reshape(len(equation), -1)
+    breakpoints = np.sort(np.concatenate([equation.breakpoints, np.mod(returning, period)], axis=1), axis=1)
+    holds = _pieces_with_nodes(equation, breakpoints, delays)
+    layout = collocation.break_up(equation, refinement, breakpoints, holds, delays.min(axis=1, keepdims=True))
+    return layout, _look_back(equation, layout, delays)
+
+
+def _pieces_with_nodes(equation: DelayEquation, breakpoints: Array, delays: Array) -> NDArray[np.bool_]:
+    """Return the pieces (point, piece) in which a gain acts or that an acting one looks back to."""
+    middle = breakpoints + 0.5 * collocation.piece_lengths(breakpoints, equation.period)
+    rows = np.arange(len(equation))[:, None]
+    holds = np.zeros(breakpoints.shape, dtype=bool)
+    for term, feedback in enumerate(equation.feedback):
+        acts = collocation.acting_pieces(feedback, breakpoints, equation.period)
+        origin = np.mod(middle - delays[:, term, None] - breakpoints[:, :1], equation.period[:, None])
+        seen = (origin[:, :, None] >= breakpoints[:, None, :] - breakpoints[:, None, :1]).sum(axis=-1) - 1
+        holds |= acts
+        np.logical_or.at(holds, (np.broadcast_to(rows, seen.shape)[acts], seen[acts]), True)
+    return holds
+
+
+def _look_back(equation: DelayEquation, layout: Elements, delays: Array) -> LookBack:
+    time = layout.node_time
+    earlier = time[:, :, None, :] - delays[:, None, :, None]
+    past = earlier < layout.start[:, :1, None, None]
+    earlier = np.where(past, earlier + equation.period[:, None, None, None], earlier)
+    start = np.where(layout.length > 0.0, layout.start, np.inf)
+    # Pieces of no length share their start with the next: the last that has begun is the one.
+    element = (earlier[..., None] >= start[:, None, None, None, :]).sum(axis=-1)
+    element = np.clip(element - 1, 0, start.shape[1] - 1)
+    order = np.argsort(start, axis=1, kind="stable")
+    rows = np.arange(len(time))[:, None, None, None]
+    element = order[rows, element]
+    length = np.where(layout.length > 0.0, layout.length, 1.0)
+    place = (earlier - layout.start[rows, element]) / length[rows, element]
+    powers = place[..., None] ** np.arange(NODES)
+    gain = np.stack([feedback.gain(time) for feedback in equation.feedback], axis=2)
+    gain[~layout.acts] = 0.0
+    return LookBack(element=element, past=past, weight=powers @ collocation.lagrange_powers().T, gain=gain)

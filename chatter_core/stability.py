@@ -1,0 +1,196 @@
+"""Stability of operating points: the critical multiplier, and what its motion says.
+
+Source: T. Insperger, G. Stepan, Semi-Discretization for Time-Delay Systems (Springer 2011), chapter 5
+(multipliers, kinds of stability loss and chatter frequencies in milling).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_core.chain import Structure, milling_equation
+from chatter_core.floquet import FloquetSolution, MethodSettings, analyse, critical_motion
+from chatter_core.floquet.harmonics import square
+from chatter_core.machine import Machine
+from chatter_core.variables import BIFURCATION, STATUS
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+#: Points analysed at once, at most; and the memory that they may take together [bytes].
+BATCH = 256
+BATCH_MEMORY = 64e6
+#: Waves of the fastest mode in a tooth period beyond which a point is not analysed: a crawling spindle.
+MOST_WAVES = 600.0
+#: The same times the refinement of the resolution.
+MOST_RESOLVED_WAVES = 1500.0
+#: A multiplier counts as real when its imaginary part is below this share of its modulus.
+REAL_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stability:
+    """Stability of operating points; every array is (point,), but for mode_share (point, mode).
+
+    spectral_radius [-]; multiplier, the critical Floquet multiplier; chatter_frequency [rad/s],
+    the strongest line of its branch at the tip; bifurcation, a value of variables.BIFURCATION;
+    mode_share, the share of each mode of both axes in the energy of the critical motion; status,
+    a value of variables.STATUS. Where the status is not ok, numbers are NaN and codes are 0.
+    """
+
+    spectral_radius: Array
+    multiplier: NDArray[np.complex128]
+    chatter_frequency: Array
+    bifurcation: NDArray[np.int8]
+    mode_share: Array
+    status: NDArray[np.uint8]
+
+    @property
+    def dominant_mode(self) -> NDArray[np.int8]:
+        """Number of the mode with the largest share, from 1; 0 where there is no result."""
+        ok = self.status == STATUS["ok"]
+        return np.where(ok, np.argmax(np.nan_to_num(self.mode_share), axis=-1) + 1, 0).astype(np.int8)
+
+    def overwrite(self, points: NDArray[np.intp], new: "Stability") -> None:
+        """Put new results in the place of some."""
+        for field in fields(self):
+            getattr(self, field.name)[points] = getattr(new, field.name)
+
+
+def evaluate(
+    machine: Machine,
+    built: Structure,
+    speed_index: NDArray[np.intp],
+    axial_depth: Array,
+    method: MethodSettings,
+    refinement: Array,
+) -> Stability:
+    """Evaluate operating points: speed_index (point,) into the structure, axial_depth (point,) [m].
+
+    refinement: (point,), multiplies the method's resolution.
+
+    See docs/physics.md#lobes.
+    """
+    result = without_result(len(axial_depth), int(built.modes.label.max()))
+    candidates, resolved = _candidates(machine, built, speed_index, refinement, result.status)
+    for points in _batches(candidates, resolved, method):
+        equation = milling_equation(machine, built, speed_index[points], axial_depth[points])
+        solution = analyse(equation, method, refinement[points])
+        _fill(result, points, built, speed_index[points], solution)
+    return result
+
+
+def critical_multipliers(
+    machine: Machine,
+    built: Structure,
+    speed_index: NDArray[np.intp],
+    axial_depth: Array,
+    method: MethodSettings,
+    refinement: Array,
+) -> ComplexArray:
+    """Return the critical multipliers (point,) alone, NaN where ``evaluate`` would have no result.
+
+    See docs/physics.md#lobes.
+    """
+    result = np.full(len(axial_depth), np.nan, dtype=complex)
+    candidates, resolved = _candidates(machine, built, speed_index, refinement, np.zeros(len(result), dtype=np.uint8))
+    for points in _batches(candidates, resolved, method):
+        equation = milling_equation(machine, built, speed_index[points], axial_depth[points])
+        critical = critical_motion(equation, method, refinement[points])
+        result[points] = np.where(critical.converged, critical.multiplier, np.nan)
+    return result
+
+
+def without_result(points: int, modes: int, status: int = 0) -> Stability:
+    """Return points without results, all of one status.
+
+    See docs/physics.md#lobes.
+    """
+    return Stability(
+        spectral_radius=np.full(points, np.nan),
+        multiplier=np.full(points, np.nan, dtype=complex),
+        chatter_frequency=np.full(points, np.nan),
+        bifurcation=np.zeros(points, dtype=np.int8),
+        mode_share=np.full((points, modes), np.nan),
+        status=np.full(points, status, dtype=np.uint8),
+    )
+
+
+def _candidates(
+    machine: Machine, built: Structure, speed_index: NDArray[np.intp], refinement: Array, status: NDArray[np.uint8]
+) -> tuple[NDArray[np.intp], Array]:
+    """Return the points that can be analysed and their waves, ascending; the others get their status.
+
+    Points of like resolution stand together, for a batch is as fine as its finest point.
+    """
+    waves = _waves(machine, built)[speed_index]
+    possible = built.solved[speed_index] & (waves <= MOST_WAVES)
+    resolved = waves * refinement
+    status[~possible] = STATUS["outside_validity"]
+    status[possible & (resolved > MOST_RESOLVED_WAVES)] = STATUS["not_converged"]
+    candidates = np.flatnonzero(possible & (resolved <= MOST_RESOLVED_WAVES))
+    candidates = candidates[np.argsort(resolved[candidates], kind="stable")]
+    return candidates, resolved[candidates]
+
+
+def _waves(machine: Machine, built: Structure) -> Array:
+    """Return the waves of the fastest mode in a tooth period (speed,); NaN where nothing is known."""
+    with np.errstate(divide="ignore"):
+        period = 2.0 * np.pi / (machine.tool.teeth * built.spindle_speed)
+    return np.asarray(built.modes.natural_frequency.max(axis=1) * period / (2.0 * np.pi))
+
+
+def _batches(candidates: NDArray[np.intp], waves: Array, method: MethodSettings) -> Iterator[NDArray[np.intp]]:
+    """Yield points in batches that fit the memory; ``waves`` ascend.
+
+    The maps of the elements or intervals, the Krylov space and the harmonics take memory in proportion
+    to their number, some 30 kB each.
+    """
+    first = 0
+    while first < len(candidates):
+        last = min(first + BATCH, len(candidates))
+        most = waves[last - 1]
+        memory = 30e3 * (most + 1.0) + 24e3 * (method.intervals or 0)
+        last = max(first + 1, min(last, first + int(BATCH_MEMORY / memory)))
+        yield candidates[first:last]
+        first = last
+
+
+def _fill(
+    result: Stability, points: NDArray[np.intp], built: Structure, speed: NDArray[np.intp], solution: FloquetSolution
+) -> None:
+    """Write what a solution says of its points into the result."""
+    result.status[points] = np.where(solution.converged, STATUS["ok"], STATUS["not_converged"])
+    good = np.flatnonzero(solution.converged)
+    points = points[good]
+    multiplier = solution.multiplier[good]
+    result.multiplier[points] = multiplier
+    result.spectral_radius[points] = np.abs(multiplier)
+    result.bifurcation[points] = _bifurcation(multiplier)
+    strongest = square(solution.output[good]).sum(axis=-1).argmax(axis=-1)
+    result.chatter_frequency[points] = np.abs(solution.exponent[good, strongest].imag)
+    result.mode_share[points] = _mode_share(built, speed[good], solution.exponent[good], solution.state[good])
+
+
+def _bifurcation(multiplier: NDArray[np.complex128]) -> NDArray[np.int8]:
+    real = np.abs(multiplier.imag) <= REAL_TOLERANCE * np.abs(multiplier)
+    kind = np.where(multiplier.real < 0.0, BIFURCATION["flip"], BIFURCATION["fold"])
+    return np.where(real, kind, BIFURCATION["hopf"]).astype(np.int8)
+
+
+def _mode_share(
+    built: Structure, speed: NDArray[np.intp], exponent: NDArray[np.complex128], state: NDArray[np.complex128]
+) -> Array:
+    """Return each mode's share of kinetic and potential energy, summed over harmonics and axes (point, mode)."""
+    modes = built.modes
+    displacement = square(state[..., : len(modes)])
+    kinetic = (square(exponent)[:, None, :] @ displacement)[:, 0]
+    potential = modes.natural_frequency[speed] ** 2 * displacement.sum(axis=1)
+    energy = modes.modal_mass[speed] * (kinetic + potential)
+    labels = np.arange(1, int(modes.label.max()) + 1)
+    share = energy @ (modes.label[:, None] == labels).astype(float)
+    total = share.sum(axis=-1, keepdims=True)
+    # A cut so light that its forces vanish in rounding moves no mode: nobody has a share then.
+    return np.asarray(np.divide(share, total, out=np.full_like(share, np.nan), where=total > 0.0))
