@@ -205,7 +205,7 @@ def test_what_the_reader_remarks_is_told_line_by_line(tmp_path, capsys):
     file = written(tmp_path, [[*row, "Ada"] for row in lines], head=[*HEAD, "operator"])
     assert main(["identify", f"frf={file}", f"output={tmp_path / 'm.yaml'}"]) == 0
     assert capsys.readouterr().out.splitlines()[:3] == [
-        "unknown column, not used: frf.csv: operator",
+        "unknown column, not used: 'frf.csv: operator'",
         "left out: x over x at 0 rpm, its line at 0 Hz",
         "",
     ]
