@@ -31,7 +31,7 @@ from chatter_core.floquet.multipliers import arnoldi
 #: Gauss nodes an element.
 NODES = 6
 #: Waves of the fastest mode an element may hold at refinement 1.
-WAVES_PER_ELEMENT = 0.8
+WAVES_PER_ELEMENT = 0.75
 #: An element is at most this share of the period at refinement 1, for the gain's own shape.
 LONGEST_ELEMENT = 0.34
 #: Terms of the power series of an element's integrals: exact to rounding for the waves it may hold
