@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from chatter_core import cutting
 from chatter_core.chain import Structure, structure
-from chatter_core.crossings import Multipliers, find_crossings
+from chatter_core.crossings import Crossings, Multipliers, find_crossings
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import Machine
 from chatter_core.stability import Stability, critical_multipliers, evaluate, without_result
@@ -22,12 +22,13 @@ Indices = NDArray[np.intp]
 CROSSINGS = 8
 #: Below the first depth asked for, the boundary is looked for down to this share of it.
 SHALLOWEST = 1e-3
-#: Where depths are looked at only where needed, the first looks are at these shares of the deepest.
-FIRST_LOOK = (1e-3, 0.25, 1.0)
+#: Where depths are looked at only where needed, the first looks are there and at these shares of the deepest.
+FIRST_LOOK = (0.25, 1.0)
 #: Of two crossings nearer than this share of the deepest depth none may be seen.
 FINEST = 1.0 / 64.0
-#: Near the boundary, depths looked at lie no farther apart than this share of the edge's axial pitch.
-PITCH_SHARE = 1.0 / 8.0
+#: Near the boundary, depths looked at lie no farther apart than this share of the edge's axial pitch, and
+#: of the deepest depth.
+COARSEST = 1.0 / 8.0
 #: A finer look multiplies the resolution by this.
 REFINEMENT_STEP = 1.5
 #: Depths of a speed, those nearest to the boundary, of which the error is estimated.
@@ -47,7 +48,7 @@ class LobeBlock:
     """Lobes of a block of speeds, named as in variables.SWEEP, in SI.
 
     Arrays over the grid are (speed, depth), limits are (speed, crossing) padded with NaN (codes
-    with 0), error_estimate is (speed,).
+    with 0), error_estimate and limits_complete are (speed,).
     """
 
     spectral_radius: Array
@@ -57,6 +58,7 @@ class LobeBlock:
     dominant_mode: NDArray[np.int8]
     dominant_mode_share: Array
     error_estimate: Array
+    limits_complete: NDArray[np.int8]
     limit_depth: Array
     limit_chatter_frequency: Array
     limit_dominant_mode: NDArray[np.int8]
@@ -96,9 +98,10 @@ def lobe_block(
     solver = _Solver(machine=machine, built=built, method=method, refinement=np.ones(len(spindle_speed)))
     if cells == "all":
         grid, error = _evaluate_all(solver, axial_depth)
-        limits = _limits_within(solver, axial_depth, grid)
+        crossings = _limits_within(solver, axial_depth, grid)
     else:
-        grid, error, limits = _evaluate_where_needed(solver, axial_depth)
+        grid, error, crossings = _evaluate_where_needed(solver, axial_depth)
+    limits = crossings.depth
     at_limit = solver.at_limits(limits)
     shape = (len(spindle_speed), len(axial_depth))
     known = np.isfinite(grid.multiplier)
@@ -110,6 +113,7 @@ def lobe_block(
         dominant_mode=grid.dominant_mode.reshape(shape),
         dominant_mode_share=grid.mode_share.max(axis=-1).reshape(shape),
         error_estimate=error,
+        limits_complete=crossings.complete.astype(np.int8),
         limit_depth=limits,
         limit_chatter_frequency=at_limit.chatter_frequency.reshape(limits.shape),
         limit_dominant_mode=at_limit.dominant_mode.reshape(limits.shape),
@@ -177,16 +181,16 @@ class _Solver:
         fine = critical_multipliers(self.machine, self.built, speed, depth, finer, refinement)
         return np.asarray(covering * np.abs(radius / np.abs(fine) - 1.0))
 
-    def crossings(self, look: Multipliers, depth: Array, known: ComplexArray, finest: float = np.inf) -> Array:
-        """Return the limit depths (speed, crossing) from multipliers known at some depths (speed, depth)."""
+    def crossings(self, look: Multipliers, depth: Array, known: ComplexArray, finest: float = np.inf) -> Crossings:
+        """Search for limit depths from multipliers known at some depths (speed, depth)."""
         return find_crossings(
             look,
             depth,
             known,
             finest=min(FINEST * depth[-1], finest),
-            coarsest=PITCH_SHARE * cutting.axial_pitch(self.machine.tool),
+            coarsest=COARSEST * min(cutting.axial_pitch(self.machine.tool), depth[-1]),
             most=CROSSINGS,
-        ).depth
+        )
 
     def at_limits(self, limits: Array) -> Stability:
         """Evaluate the limit depths (speed, crossing); those that are not there have no result."""
@@ -244,8 +248,8 @@ def _mark_unsettled(solver: _Solver, grid: Stability, cells: NDArray[np.bool_]) 
     grid.overwrite(unsettled, without_result(len(unsettled), solver.modes, STATUS["not_converged"]))
 
 
-def _limits_within(solver: _Solver, axial_depth: Array, grid: Stability) -> Array:
-    """Return the limit depths (speed, crossing) of an evaluated grid, the part above its first depth included."""
+def _limits_within(solver: _Solver, axial_depth: Array, grid: Stability) -> Crossings:
+    """Return the limit depths of an evaluated grid, the part above its first depth included."""
     speeds = np.arange(len(solver.refinement))
     shallow = SHALLOWEST * axial_depth[0]
     first = solver.multipliers(speeds, np.full(len(speeds), shallow))
@@ -276,23 +280,23 @@ class _Samples:
             yield depth[order], Stability(**{name: array[order] for name, array in joined.items()})
 
 
-def _evaluate_where_needed(solver: _Solver, axial_depth: Array) -> tuple[Stability, Array, Array]:
+def _evaluate_where_needed(solver: _Solver, axial_depth: Array) -> tuple[Stability, Array, Crossings]:
     """Evaluate depths as the search for the boundary needs them, and interpolate the grid's cells.
 
-    Returns the results (speed x depth,), the error estimate (speed,) and the limit depths (speed,
-    crossing).
+    Returns the results (speed x depth,), the error estimate (speed,) and the limit depths.
     """
     speeds, depths = len(solver.refinement), len(axial_depth)
-    first = axial_depth[-1] * np.array(FIRST_LOOK)
-    first[0] = min(first[0], axial_depth[0])
+    first = np.array([SHALLOWEST * axial_depth[0], *np.multiply(axial_depth[-1], FIRST_LOOK)])
     smallest_step = float(np.diff(axial_depth).min(initial=np.inf))
     grid = without_result(speeds * depths, solver.modes, STATUS["outside_validity"])
     error, limits = np.full(speeds, np.nan), np.full((speeds, CROSSINGS), np.nan)
+    complete = np.zeros(speeds, dtype=bool)
     pending = np.flatnonzero(solver.built.solved)
     for _ in range(REFINEMENTS):
         samples = _Samples(solver, pending)
         known = samples(np.repeat(np.arange(len(pending)), len(first)), np.tile(first, len(pending)))
-        limits[pending] = solver.crossings(samples, first, known.reshape(-1, len(first)), smallest_step)
+        crossings = solver.crossings(samples, first, known.reshape(-1, len(first)), smallest_step)
+        limits[pending], complete[pending] = crossings.depth, crossings.complete
         samples(*_cells_at_boundary(axial_depth, limits[pending]))
         for speed, (depth, found) in zip(pending, samples.by_speed(), strict=True):
             nearest = _nearest_to_boundary(found.spectral_radius[None])[0]
@@ -304,8 +308,8 @@ def _evaluate_where_needed(solver: _Solver, axial_depth: Array) -> tuple[Stabili
             break
     else:
         _mark_unsettled(solver, grid, np.isin(np.repeat(np.arange(speeds), depths), pending))
-        limits[pending] = np.nan
-    return grid, error, limits
+        limits[pending], complete[pending] = np.nan, False
+    return grid, error, Crossings(depth=limits, complete=complete)
 
 
 def _cells_at_boundary(axial_depth: Array, limits: Array) -> tuple[Indices, Array]:

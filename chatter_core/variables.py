@@ -52,7 +52,9 @@ _STRUCTURE = ("modal_parameters", "preload", "spindle_speed")
 
 #: What a sweep writes chunk by chunk.
 SWEEP: dict[str, Variable] = {
-    "spectral_radius": Variable(dims=_CELL, dtype="f8", doc="largest modulus of the Floquet multipliers"),
+    "spectral_radius": Variable(
+        dims=_CELL, dtype="f8", doc="largest modulus of the Floquet multipliers; to the tolerance near one"
+    ),
     "multiplier_angle": Variable(dims=_CELL, dtype="f8", doc="argument of the critical Floquet multiplier in radian"),
     "chatter_frequency": Variable(
         dims=_CELL, dtype="f8", suffix="hz", doc="strongest line of the critical multiplier's branch at the tool tip"
@@ -61,6 +63,9 @@ SWEEP: dict[str, Variable] = {
     "dominant_mode": Variable(dims=_CELL, dtype="i1", doc="mode with the largest share in the critical motion"),
     "dominant_mode_share": Variable(dims=_CELL, dtype="f4", doc="its share of the critical motion's energy"),
     "error_estimate": Variable(dims=_LINE, dtype="f8", doc="estimated error of the spectral radius near the boundary"),
+    "limits_complete": Variable(
+        dims=_LINE, dtype="i1", doc="1 where the search for limit depths left no interval of depth suspicious"
+    ),
     "limit_depth": Variable(
         dims=_LIMIT, dtype="f8", suffix="mm", doc="depth at which the spectral radius is one, from the shallowest on"
     ),
@@ -71,7 +76,7 @@ SWEEP: dict[str, Variable] = {
 
 #: Completion and outcome of every cell, written after everything else of its chunk.
 CELL_STATUS = Variable(
-    dims=_CELL, dtype="u1", doc="0 pending, 1 ok, 2 not converged, 3 outside validity, 4 worker lost"
+    dims=_CELL, dtype="u1", doc="0 pending, 1 ok, 2 not converged, 3 outside validity, 4 worker lost, 5 interpolated"
 )
 
 #: What depends on speed and preload alone; written once, before the chunks.

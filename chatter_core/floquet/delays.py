@@ -3,7 +3,7 @@
 With teeth that differ, one after the other, the period is a revolution and each tooth has its own delay.
 A delayed output w(t - tau_l) is the polynomial through the nodes of the element that t - tau_l lies in:
 one already passed in this period, or one of the period before. Where a breakpoint comes back after a
-delay the period is broken too, so that every element looks back into one smooth piece.
+delay the period is broken too, so that no element looks back across a jump of a gain.
 """
 
 from dataclasses import dataclass
@@ -63,16 +63,19 @@ def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Element
 
 
 def _pieces_with_nodes(equation: DelayEquation, breakpoints: Array, delays: Array) -> NDArray[np.bool_]:
-    """Return the pieces (point, piece) in which a gain acts or that an acting one looks back to."""
-    middle = breakpoints + 0.5 * collocation.piece_lengths(breakpoints, equation.period)
-    rows = np.arange(len(equation))[:, None]
+    """Return the pieces (point, piece) in which a gain acts or that an acting one looks back into."""
+    length = collocation.piece_lengths(breakpoints, equation.period)
+    period = equation.period[:, None]
+    begin = breakpoints - breakpoints[:, :1]
     holds = np.zeros(breakpoints.shape, dtype=bool)
     for term, feedback in enumerate(equation.feedback):
         acts = collocation.acting_pieces(feedback, breakpoints, equation.period)
-        origin = np.mod(middle - delays[:, term, None] - breakpoints[:, :1], equation.period[:, None])
-        seen = (origin[:, :, None] >= breakpoints[:, None, :] - breakpoints[:, None, :1]).sum(axis=-1) - 1
         holds |= acts
-        np.logical_or.at(holds, (np.broadcast_to(rows, seen.shape)[acts], seen[acts]), True)
+        origin = np.mod(begin - delays[:, term, None], period)
+        for turn in (0.0, 1.0):  # what an origin overlaps before and after the period's end
+            first, last = begin + turn * period, begin + turn * period + length
+            overlaps = (origin[:, :, None] < last[:, None, :]) & ((origin + length)[:, :, None] > first[:, None, :])
+            holds |= (acts[:, :, None] & overlaps & (length > 0.0)[:, None, :]).any(axis=1)
     return holds
 
 

@@ -121,3 +121,31 @@ def test_a_delay_longer_than_the_period_is_refused():
     )
     with pytest.raises(UnsupportedEquation, match="delays must be positive and at most the period"):
         critical_motion(longer, EXACT)
+
+
+@pytest.mark.parametrize("delays", [(0.41, 0.5), (0.3, 0.45), (0.35, 0.5), (0.35, 0.5, 0.55), (0.02, 0.9), (1.0, 0.13)])
+def test_delays_that_look_back_into_free_flight(delays):
+    """One oscillator, gains for a fifth of the period: delayed outputs lie where no gain acts, across other breaks."""
+    frequency = 9.0
+    system = LinearSystem(
+        state_matrix=np.array([[[0.0, 1.0], [-(frequency**2), -0.1 * frequency]]]),
+        input_matrix=np.array([[[0.0], [1.0]]]),
+        output_matrix=np.array([[[1.0, 0.0]]]),
+    )
+
+    def gain(time):
+        return np.where(np.mod(time, 1.0) < 0.2, -25.0, 0.0)[..., None, None]
+
+    problem = DelayEquation(
+        system=system,
+        system_index=np.zeros(1, dtype=int),
+        feedback=tuple(DelayedFeedback(gain=gain, delay=np.array([delay])) for delay in delays),
+        period=np.array([1.0]),
+        breakpoints=np.array([[0.0, 0.2]]),
+    )
+    coarse, fine = (
+        multiplier(problem, MethodSettings(name="semi_discretization", intervals=n, order=1)) for n in (500, 1000)
+    )
+    # As above; of two multipliers of one modulus either may be told, so moduli are compared.
+    limit = max(abs(fine - coarse) * 2.0 / 3.0, 1e-5)
+    assert abs(abs(multiplier(problem, refinement=2.0)) - abs(fine)) <= limit

@@ -33,6 +33,7 @@ def plain(
         dominant_mode=np.full(cell.shape, mode_count, dtype=np.int8),
         dominant_mode_share=cell / 8.0,
         error_estimate=cell[:, 0] * 1e-6,
+        limits_complete=np.ones(len(cell), dtype=np.int8),
         limit_depth=1e-3 * line,
         limit_chatter_frequency=1e3 * line,
         limit_dominant_mode=np.full(line.shape, mode_count, dtype=np.int8),

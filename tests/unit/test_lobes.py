@@ -31,7 +31,7 @@ def test_the_spectral_radius_is_one_at_every_limit_depth(reference_machine):
     built = structure(reference_machine, np.array(rpm) * RPM, mode_count=4)
     index = np.arange(4)
     radius, _ = evaluate_to_tolerance(reference_machine, built, block.limit_depth[:, 0], COLLOCATION)
-    # The root is known to 1e-7 m of about 1e-3 m, and the radius to 1e-4.
+    # The root is known to 5e-7 m of about 1e-3 m, and the radius to 1e-4.
     assert radius.spectral_radius == pytest.approx(np.ones(4), abs=2e-4)
     for factor, stable in ((0.99, True), (1.01, False)):
         near = evaluate(reference_machine, built, index, factor * block.limit_depth[:, 0], COLLOCATION, np.ones(4))
@@ -40,14 +40,14 @@ def test_the_spectral_radius_is_one_at_every_limit_depth(reference_machine):
 
 def test_limit_depths_do_not_depend_on_the_grid(reference_machine):
     coarse, fine = (lobes(reference_machine, [8000.0, 16000.0], np.linspace(0.2, 3.0, n)) for n in (5, 41))
-    # Both are roots to 1e-7 m.
-    assert coarse.limit_depth[:, 0] == pytest.approx(fine.limit_depth[:, 0], abs=3e-7)
+    # Both are roots to 5e-7 m.
+    assert coarse.limit_depth[:, 0] == pytest.approx(fine.limit_depth[:, 0], abs=1e-6)
 
 
 def test_stability_lost_below_the_first_depth_is_found(reference_machine):
     deep = lobes(reference_machine, [14000.0], [2.0, 3.0])
     shallow = lobes(reference_machine, [14000.0], [0.5, 1.0, 2.0])
-    assert deep.limit_depth[0, 0] == pytest.approx(shallow.limit_depth[0, 0], abs=3e-7)
+    assert deep.limit_depth[0, 0] == pytest.approx(shallow.limit_depth[0, 0], abs=1e-6)
 
 
 def test_both_crossings_of_an_unstable_island_are_found(reference_machine):
