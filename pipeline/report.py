@@ -93,7 +93,7 @@ def _page(lobes: xr.Dataset, preload: float, pictures: list[Path]) -> str:
     return environment.get_template("report.html").render(
         title=attributes["title"],
         subtitle=f"{status.size} operating points, computed {attributes['created']}",
-        warnings=_warnings(status),
+        warnings=_warnings(status, lobes["limits_complete"].values),
         findings=_findings(lobes, preload),
         tables=[_limits_table(lobes, preload), _crossover_table(lobes)],
         figures=[
@@ -104,12 +104,19 @@ def _page(lobes: xr.Dataset, preload: float, pictures: list[Path]) -> str:
     )
 
 
-def _warnings(status: np.ndarray) -> list[str]:
-    return [
+def _warnings(status: np.ndarray, limits_complete: np.ndarray) -> list[str]:
+    told = [
         f"{count} of {status.size} points have no result: {name.replace('_', ' ')}."
         for name, code in STATUS.items()
         if code not in WITH_RESULT and (count := int((status == code).sum()))
     ]
+    doubtful = int((limits_complete == 0).sum())
+    if doubtful:
+        told.append(
+            f"At {doubtful} of {limits_complete.size} speeds the search for limit depths left an interval of depth "
+            "suspicious: a narrow island or gap may be missing there."
+        )
+    return told
 
 
 def _findings(lobes: xr.Dataset, preload: float) -> list[str]:
