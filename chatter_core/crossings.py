@@ -45,7 +45,8 @@ class Crossings:
     """Crossings of every speed.
 
     depth: (speed, crossing) [m], ascending, padded with NaN. complete: (speed,), False where an interval
-    stayed suspicious down to the finest, a multiplier is not known, or there was no room for a crossing.
+    stayed suspicious down to the finest, the first depth is unstable, a multiplier is not known, or there was
+    no room for a crossing.
     """
 
     depth: Array
@@ -109,7 +110,8 @@ def find_crossings(
     """
     speeds = len(known)
     unknown_from = np.full(speeds, np.inf)
-    suspicious = np.zeros(speeds, dtype=bool)
+    # Where it is unstable from the start, stability is lost above the first depth.
+    suspicious = np.abs(known[:, 0]) > 1.0
     brackets = _Intervals(
         speed=np.empty(0, dtype=np.intp),
         depth=np.empty((0, 2)),

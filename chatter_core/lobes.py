@@ -20,8 +20,8 @@ Indices = NDArray[np.intp]
 
 #: Crossings kept for each speed; stability is lost at the odd ones and regained at the even ones.
 CROSSINGS = 8
-#: Below the first depth asked for, the boundary is looked for down to this share of it.
-SHALLOWEST = 1e-3
+#: Above the first depth asked for, the boundary is looked for up to this share of it, and to a micrometre.
+SHALLOWEST, SHALLOWEST_DEPTH = 1e-3, 1e-6
 #: Where depths are looked at only where needed, the first looks are there and at these shares of the deepest.
 FIRST_LOOK = (0.25, 1.0)
 #: Of two crossings nearer than this share of the deepest depth none may be seen.
@@ -248,10 +248,14 @@ def _mark_unsettled(solver: _Solver, grid: Stability, cells: NDArray[np.bool_]) 
     grid.overwrite(unsettled, without_result(len(unsettled), solver.modes, STATUS["not_converged"]))
 
 
+def _shallowest(axial_depth: Array) -> float:
+    return float(min(SHALLOWEST * axial_depth[0], SHALLOWEST_DEPTH))
+
+
 def _limits_within(solver: _Solver, axial_depth: Array, grid: Stability) -> Crossings:
     """Return the limit depths of an evaluated grid, the part above its first depth included."""
     speeds = np.arange(len(solver.refinement))
-    shallow = SHALLOWEST * axial_depth[0]
+    shallow = _shallowest(axial_depth)
     first = solver.multipliers(speeds, np.full(len(speeds), shallow))
     known = np.concatenate([first[:, None], grid.multiplier.reshape(len(speeds), -1)], axis=1)
     return solver.crossings(solver.multipliers, np.concatenate([[shallow], axial_depth]), known)
@@ -286,7 +290,7 @@ def _evaluate_where_needed(solver: _Solver, axial_depth: Array) -> tuple[Stabili
     Returns the results (speed x depth,), the error estimate (speed,) and the limit depths.
     """
     speeds, depths = len(solver.refinement), len(axial_depth)
-    first = np.array([SHALLOWEST * axial_depth[0], *np.multiply(axial_depth[-1], FIRST_LOOK)])
+    first = np.array([_shallowest(axial_depth), *np.multiply(axial_depth[-1], FIRST_LOOK)])
     smallest_step = float(np.diff(axial_depth).min(initial=np.inf))
     grid = without_result(speeds * depths, solver.modes, STATUS["outside_validity"])
     error, limits = np.full(speeds, np.nan), np.full((speeds, CROSSINGS), np.nan)

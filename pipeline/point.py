@@ -183,7 +183,9 @@ def _readable(answer: dict[str, Any], options: PointOptions) -> str:
     ]
     if answer["status"] == "ok":
         verdict = "stable" if answer["spectral_radius"] < 1.0 else "chatter"
-        limits = ", ".join(f"{d:.4g} mm" for d in answer["limit_depths_mm"]) or "none down to the deepest of the grid"
+        limits = ", ".join(f"{d:.4g} mm" for d in answer["limit_depths_mm"]) or (
+            "none down to the deepest of the grid" if answer["spectral_radius"] < 1.0 else "above all depths looked at"
+        )
         lines += [
             "",
             f"{verdict}: spectral radius {answer['spectral_radius']:.6g} (error about {answer['error_estimate']:.1e}), "

@@ -122,3 +122,23 @@ def test_a_cell_between_samples_says_that_it_is_interpolated_and_keeps_what_fail
     assert np.isnan(crawling.limit_depth[0]).all()
     assert np.isfinite(crawling.spectral_radius[1]).all()
     assert (crawling.status[1] == STATUS["interpolated"]).any()
+
+
+def test_a_limit_far_above_the_first_depth_is_found_both_ways(reference_machine):
+    """Grids that begin deep below the boundary, whose every cell is unstable."""
+    limits = []
+    for cells in ("all", "adaptive"):
+        block = lobe_block(
+            reference_machine,
+            spindle_speed=np.array([12_000.0, 14_000.0]) * RPM,
+            axial_depth=np.array([5e-3, 3.0]),
+            mode_count=4,
+            modal_parameters="dynamic",
+            method=COLLOCATION,
+            cells=cells,
+        )
+        limits.append(block.limit_depth[:, 0])
+        assert np.all(block.spectral_radius > 1.0)
+    # As on the grid of the reference study, to 5e-7 m each.
+    assert limits[0] == pytest.approx([2.049e-3, 0.865e-3], abs=2e-6)
+    assert limits[1] == pytest.approx(limits[0], abs=1e-6)
