@@ -1,5 +1,9 @@
 """What was measured on a machine, and what it says about the model of that machine."""
 
+from chatter_core.evidence.calibration import calibrate
 from chatter_core.evidence.campaign import Campaign, read_campaign
+from chatter_core.evidence.comparison import Comparison
+from chatter_core.evidence.fit import Fit
+from chatter_core.evidence.prediction import CampaignModel, base_model
 
-__all__ = ["Campaign", "read_campaign"]
+__all__ = ["Campaign", "CampaignModel", "Comparison", "Fit", "base_model", "calibrate", "read_campaign"]
