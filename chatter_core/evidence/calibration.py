@@ -1,0 +1,59 @@
+"""Calibration of a model by a campaign, in three steps.
+
+Receptances are fitted first, from several starts, because they cost little and a sharp peak that is displaced has
+no gradient; then all but chatter frequencies, which jump from branch to branch; then everything.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_core.evidence.comparison import Comparison
+from chatter_core.evidence.fit import CLIMBED_STARTS, Fit, free_parameters, height, maximise, result
+from chatter_core.evidence.parameters import Array, Parameter, column
+
+#: Starts lie so many prior widths to both sides of the null, one parameter at a time.
+START_WIDTHS = 2.0
+#: What only yields a start for the fit of everything may end where the next step promises this [nats].
+START_GAIN = 0.3
+
+
+def calibrate(comparison: Comparison, *, start: Array | None = None, fixed: Sequence[str] = ()) -> Fit:
+    """Fit a model to a campaign: by what is cheap and sharp, then by what is smooth, then by everything.
+
+    start: (parameter,), values that the fit must not end below, such as those of a model that is nested in this
+    one; without it, the nulls. fixed: names of parameters that stay at their start.
+
+    Raises InvalidInput for an unknown name or a start out of bounds.
+
+    See docs/physics.md#fit.
+    """
+    own = column(comparison.parameters, "null") if start is None else np.asarray(start, dtype=float)
+    free = free_parameters(comparison, fixed, own)
+    displaced = _displaced(comparison.parameters, own, free)
+    starts, spent = [own], 0
+    if comparison.structural is not None:
+        first = maximise(comparison.structural, [own, *displaced], free, smallest_gain=START_GAIN)
+        starts, displaced, spent = [own, first.values], [], first.evaluations
+    # Labels alone are cheap to look at from many starts: their lobes lie elsewhere when a frequency does.
+    most = CLIMBED_STARTS if displaced else 1
+    if comparison.smooth is not None:
+        second = maximise(comparison.smooth, [*starts, *displaced], free, most, START_GAIN)
+        starts, displaced, most, spent = [own, second.values], [], 1, spent + second.evaluations
+    found = maximise(comparison, [*starts, *displaced], free, most)
+    return result(comparison, found, spent, height(comparison, own))
+
+
+def _displaced(parameters: Sequence[Parameter], start: Array, free: NDArray[np.bool_]) -> list[Array]:
+    """Return starts in which one parameter of the structure lies to either side."""
+    starts = []
+    for index, parameter in enumerate(parameters):
+        if free[index] and parameter.touches == "structure":
+            for side in (-START_WIDTHS, START_WIDTHS):
+                aside = start.copy()
+                moved = start[index] + side * parameter.prior_width
+                aside[index] = np.clip(moved, parameter.lower, parameter.upper)
+                if aside[index] != start[index]:
+                    starts.append(aside)
+    return starts

@@ -1,0 +1,167 @@
+"""The cuts of a campaign, trials and limit depths alike, sorted by what has to be computed anew for them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_core.chain import Structure
+from chatter_core.evidence.campaign import Campaign
+from chatter_core.evidence.columns import NO_WORD
+from chatter_core.evidence.margin import followed_margins, margins
+from chatter_core.evidence.measured import DIRECTIONS, Trials
+from chatter_core.evidence.parameters import Array
+from chatter_core.evidence.stages import Indices, Stages
+from chatter_core.floquet import MethodSettings
+from chatter_core.machine import Machine
+
+#: Spectral radii below this are as good as none.
+SMALLEST_RADIUS = 1e-30
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """Cuts of one machine, set up as for them: points (cut,) among all, speed_index (cut,) among their group's."""
+
+    machine: Machine
+    points: Indices
+    speed_index: Indices
+
+
+@dataclass(frozen=True, kw_only=True)
+class Group:
+    """Cuts that share bearings and modes: machine, its distinct speeds (speed,) [rad/s], setups of the cut."""
+
+    machine: Machine
+    spindle_speed: Array
+    setups: tuple[Setup, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cuts:
+    """All cuts, the trials first: axial_depth [m] and heard, whether a chatter frequency is known, (cut,).
+
+    trials: how many of them are trials; groups: by what they share.
+    """
+
+    axial_depth: Array
+    heard: NDArray[np.bool_]
+    trials: int
+    groups: tuple[Group, ...]
+
+    def __len__(self) -> int:
+        return len(self.axial_depth)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutPrediction:
+    """Prediction of cuts, all (cut,).
+
+    margin: distance from the boundary in ln(depth), positive where unstable, NaN where the model has no answer;
+    crossing: where that boundary lies, from the cut, NaN where none is in reach; chatter_frequency [rad/s], NaN
+    where none was asked for; solved: whether the bearings have an equilibrium.
+    """
+
+    margin: Array
+    crossing: Array
+    chatter_frequency: Array
+    solved: NDArray[np.bool_]
+
+
+def cuts_of(campaign: Campaign) -> Cuts:
+    """Return the cuts of a campaign: its trials as each was set up, then its limit depths.
+
+    See docs/physics.md#margin.
+    """
+    parts = [part for part in (campaign.trials, campaign.limits) if part is not None]
+    speed = np.concatenate([np.empty(0), *(part.spindle_speed for part in parts)])
+    depths = [part.axial_depth if isinstance(part, Trials) else part.limit_depth for part in parts]
+    heard = np.zeros(len(speed), dtype=bool)
+    count = 0
+    if campaign.trials is not None:
+        count = len(campaign.trials)
+        heard[:count] = np.isfinite(campaign.trials.chatter_frequency)
+    return Cuts(
+        axial_depth=np.concatenate([np.empty(0), *depths]),
+        heard=heard,
+        trials=count,
+        groups=tuple(_group(campaign, machine, points, speed) for machine, points in _by_preload(campaign, speed)),
+    )
+
+
+def predict_cuts(
+    stages: Stages, cuts: Cuts, setup: Setup, built: Structure, method: MethodSettings, near: CutPrediction | None
+) -> CutPrediction:
+    """Predict the cuts of one setup with its structure; arrays are (cut,) of the setup.
+
+    ``near``: a prediction of the same cuts by a model that hardly differs, from which crossings are followed.
+
+    See docs/physics.md#margin.
+    """
+    depth = cuts.axial_depth[setup.points]
+
+    def growth(cut: Indices, offset: Array) -> Array:
+        at = depth[cut] * np.exp(offset)
+        speed, plain = setup.speed_index[cut], np.ones(len(cut))
+        found = stages.multipliers(stages.machine, built, speed, at, method, plain)
+        # A motion that dies within a period has no logarithm.
+        return np.log(np.maximum(np.abs(found), SMALLEST_RADIUS))
+
+    if near is None:
+        margin, crossing = margins(growth, len(depth))
+    else:
+        margin, crossing = followed_margins(growth, near.margin[setup.points], near.crossing[setup.points])
+    frequency = np.full(len(depth), np.nan)
+    heard = np.flatnonzero(cuts.heard[setup.points])
+    if len(heard):
+        # Where the model stays quiet, the frequency is that at which it would chatter, somewhat deeper.
+        deeper = np.where((margin < 0.0) & (crossing > 0.0), crossing, 0.0)[heard]
+        at = depth[heard] * np.exp(deeper)
+        found = stages.stability(stages.machine, built, setup.speed_index[heard], at, method, np.ones(len(heard)))
+        frequency[heard] = found.chatter_frequency
+    return CutPrediction(
+        margin=margin, crossing=crossing, chatter_frequency=frequency, solved=built.solved[setup.speed_index]
+    )
+
+
+def _group(campaign: Campaign, machine: Machine, points: Indices, speed: Array) -> Group:
+    distinct = np.unique(speed[points])
+    return Group(
+        machine=machine,
+        spindle_speed=distinct,
+        setups=tuple(
+            Setup(machine=cut, points=among, speed_index=np.searchsorted(distinct, speed[among]))
+            for cut, among in _by_process(campaign, machine, points)
+        ),
+    )
+
+
+def _by_preload(campaign: Campaign, speed: Array) -> Iterator[tuple[Machine, Indices]]:
+    """Yield machine and points of every distinct preload."""
+    machine, preload = campaign.machine, np.full(len(speed), np.nan)
+    # Measured tip modes know no preload; whoever read the campaign has said so.
+    if campaign.trials is not None and machine.spindle is not None:
+        preload[: len(campaign.trials)] = campaign.trials.preload
+    for value in np.unique(preload):
+        points = np.flatnonzero(np.isnan(preload) if np.isnan(value) else preload == value)
+        yield (machine if np.isnan(value) else machine.with_preload(float(value))), points
+
+
+def _by_process(campaign: Campaign, machine: Machine, points: Indices) -> Iterator[tuple[Machine, Indices]]:
+    """Yield machine and points of every distinct immersion, feed and direction among points."""
+    own, trials = machine.process, campaign.trials
+    setups = np.tile([own.radial_immersion, own.feed_per_tooth, DIRECTIONS.index(own.direction)], (len(points), 1))
+    if trials is not None:
+        is_trial = points < len(trials)
+        direction = np.where(trials.direction == NO_WORD, np.nan, trials.direction)
+        stated = np.stack([trials.radial_immersion, trials.feed_per_tooth, direction], axis=-1)[points[is_trial]]
+        setups[is_trial] = np.where(np.isnan(stated), setups[is_trial], stated)
+    for immersion, feed, direction in np.unique(setups, axis=0):
+        among = points[(setups == (immersion, feed, direction)).all(axis=1)]
+        update = {
+            "radial_immersion": float(immersion),
+            "feed_per_tooth": float(feed),
+            "direction": DIRECTIONS[int(direction)],
+        }
+        yield machine.model_copy(update={"process": own.model_copy(update=update)}), among

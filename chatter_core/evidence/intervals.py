@@ -1,0 +1,115 @@
+"""Intervals of single parameters by profiling: how far one can be moved while all others make up for it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtri
+
+from chatter_core.errors import InvalidInput, NotConverged
+from chatter_core.evidence.fit import Fit, maximise
+from chatter_core.evidence.parameters import Array, Problem, position
+
+#: The drop of the posterior at an end is met to this, in standard deviations.
+END_TOLERANCE = 0.02
+#: An end is known to this when the drop has no such value, in standard deviations of the parameter.
+EDGE_TOLERANCE = 0.03
+#: Refits that each end may take.
+MOST_REFITS = 10
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interval:
+    """Profile interval of a parameter, in its unit; an end is open where a bound comes before the drop."""
+
+    low: float
+    high: float
+    low_is_open: bool
+    high_is_open: bool
+    refits: int
+
+
+def profile_interval(problem: Problem, fit: Fit, name: str, coverage: float = 0.9) -> Interval:
+    """Return between which values of a parameter the best log posterior drops by less than z^2 / 2.
+
+    z is the normal quantile that belongs to ``coverage``; at each value all other free parameters are fitted
+    again. Unlike estimate and standard deviation it knows that a posterior is skew.
+
+    Source: W. A. Rolke, A. M. Lopez, J. Conrad, Nucl. Instrum. Methods A 551 (2005) 493-503.
+
+    Raises InvalidInput for an unknown or fixed parameter or a coverage outside of (0, 1), and NotConverged
+    where a refit ends higher than the fit, which was no maximum then, or an end is not found.
+
+    See docs/physics.md#fit.
+    """
+    index = position(problem.parameters, name)
+    if fit.fixed[index]:
+        raise InvalidInput([f"parameter {name}: it was fixed in the fit and has no interval"])
+    if not 0.0 < coverage < 1.0:
+        raise InvalidInput([f"coverage: found {coverage:g}, allowed: between 0 and 1"])
+    wanted = float(ndtri(0.5 * (1.0 + coverage)))
+    low, low_open, below = _end(problem, fit, index, -wanted)
+    high, high_open, above = _end(problem, fit, index, wanted)
+    return Interval(low=low, high=high, low_is_open=low_open, high_is_open=high_open, refits=below + above)
+
+
+def _end(problem: Problem, fit: Fit, index: int, wanted: float) -> tuple[float, bool, int]:
+    """Return one end, whether it is open, and the refits taken: where the root of twice the drop is ``wanted``."""
+    parameter = problem.parameters[index]
+    bound = parameter.upper if wanted > 0.0 else parameter.lower
+    values, drops = [float(fit.estimate[index])], [0.0]
+    following, start = values[0] + wanted * float(fit.standard_deviation[index]), fit.estimate
+    for refit in range(1, MOST_REFITS + 1):
+        place = min(following, bound) if wanted > 0.0 else max(following, bound)
+        drop, start = _drop(problem, fit, index, place, start)
+        values.append(place)
+        drops.append(np.copysign(drop, wanted))
+        if abs(drops[-1] - wanted) < END_TOLERANCE:
+            return place, False, refit
+        if place == bound and drop < abs(wanted):
+            return place, True, refit
+        following = _following(values, drops, wanted, halve=refit % 2 == 0)
+        # A posterior with an edge drops there all at once.
+        if abs(following - place) < EDGE_TOLERANCE * float(fit.standard_deviation[index]):
+            return following, False, refit
+    raise NotConverged(f"the interval of {parameter.name} has no end within {MOST_REFITS} refits")
+
+
+def _following(values: list[float], drops: list[float], wanted: float, *, halve: bool) -> float:
+    """Return where the drop should be as wanted: between the nearest values, by secant or halfway, or beyond."""
+    size = np.abs(drops)
+    inside, outside = size < abs(wanted), size >= abs(wanted)
+    known = np.array(values)
+    low = np.where(inside, size, -np.inf).argmax()
+    if outside.any():
+        high = np.where(outside, size, np.inf).argmin()
+        share = 0.5 if halve else (abs(wanted) - size[low]) / (size[high] - size[low])
+        return float(known[low] + share * (known[high] - known[low]))
+    farthest = np.abs(known - known[0]).argmax()
+    # Where a step made no difference to the posterior, a longer one has to.
+    return float(known[0] + (known[farthest] - known[0]) * min(2.0, 1.1 * abs(wanted) / max(size[farthest], 1e-3)))
+
+
+def _drop(problem: Problem, fit: Fit, index: int, value: float, start: Array) -> tuple[float, Array]:
+    """Return the root of twice the drop of the best log posterior at a value, and the values that reach it."""
+    free = ~fit.fixed
+    free[index] = False
+    starts = []
+    for known in _distinct(fit.estimate, start):
+        moved = known.copy()
+        moved[index] = value
+        starts.append(moved)
+    found = maximise(problem, starts, free, most=1)
+    rise = found.log_posterior - fit.log_posterior
+    if rise > END_TOLERANCE:
+        raise NotConverged(
+            f"at {problem.parameters[index].name} = {value:g} a refit ends {rise:.2g} nats above the fit, which was "
+            "no maximum: fit again from there"
+        )
+    return float(np.sqrt(2.0 * max(-rise, 0.0))), found.values
+
+
+def _distinct(first: Array, second: Array) -> Iterator[Array]:
+    yield first
+    if not np.array_equal(first, second):
+        yield second

@@ -1,0 +1,190 @@
+"""How probable measurements are under a prediction: one density for each kind of datum.
+
+Every function returns log densities of single data, so that it can be told where a model fails. What a
+model cannot answer is never left out, which would reward it: such a datum counts as far off.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit, gammaln
+
+from chatter_core.evidence.measured import OUTCOMES
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+#: Errors of a receptance: share of the line's own size, and of the response's largest.
+LINE_ERROR, FLOOR_ERROR = 0.04, 0.02
+#: Numbers that one resonance holds: frequency, damping, and the two parts of its residue.
+FACTS_OF_A_PEAK = 4.0
+#: Chatter frequency: share of itself, for reading it and for its drift as chatter grows; and the least [rad/s].
+FREQUENCY_SHARE, FREQUENCY_FLOOR = 0.005, 2.0 * np.pi * 3.0
+#: Degrees of freedom of its distribution; share of those that belong to another branch of multipliers.
+FREQUENCY_FREEDOM, FREQUENCY_ELSEWHERE = 4.0, 0.1
+#: Standard deviations of the logarithm: natural frequency, damping ratio, stiffness of a single bearing.
+NATURAL_FREQUENCY_ERROR, DAMPING_RATIO_ERROR, STIFFNESS_ERROR = 0.005, 0.2, 0.05
+#: What a model cannot answer is off by so many standard deviations.
+UNANSWERED = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contribution:
+    """What one quantity says: log density of each datum (datum,), and its information coordinates (datum, coordinate).
+
+    The Gram matrix of the coordinates' derivatives is the expected Fisher information of the data.
+    """
+
+    log_density: Array
+    coordinates: Array
+
+
+def outcome_probabilities(
+    margin: Array, *, mislabelled: float, width: float, marginal_width: float | None = None
+) -> Array:
+    """Return the probability of every outcome (trial, category), from the quiet to the loud.
+
+    margin: (trial,) in ln(depth). With F logistic and e the share of wrong labels, chatter has
+    e + (1 - 2 e) F(margin / width) where no cut is called marginal (two categories). With
+    ``marginal_width`` w an ordered logit has three: F((margin - w) / width) for chatter,
+    F(margin / width) for chatter or marginal, and a wrong label is one of the other two: what is called
+    marginal grows, but little in the time of a cut.
+    An unknown margin makes every label as improbable as a wrong one: its row does not add up to one.
+
+    Source: P. McCullagh, J. R. Stat. Soc. B 42 (1980) 109-142 (ordered logit).
+
+    See docs/physics.md#likelihoods.
+    """
+    if marginal_width is None:
+        plain = np.stack([expit(-margin / width), expit(margin / width)], axis=-1)
+    else:
+        # Of two tails the difference is taken where both are small: near one it would be rounding.
+        half, size = 0.5 * marginal_width, -np.abs(margin - 0.5 * marginal_width)
+        middle = expit((size + half) / width) - expit((size - half) / width)
+        ends = [expit(-margin / width), middle, expit((margin - marginal_width) / width)]
+        plain = np.stack(ends, axis=-1)
+    wrong = mislabelled / (plain.shape[-1] - 1)
+    mixed = wrong + (1.0 - plain.shape[-1] * wrong) * plain
+    return np.asarray(np.where(np.isnan(margin)[:, None], wrong, mixed))
+
+
+def outcome(outcome: NDArray[np.int8], probability: Array) -> Contribution:
+    """Return what labels (trial,), positions in OUTCOMES, say; probability: (trial, category).
+
+    See docs/physics.md#likelihoods.
+    """
+    category = outcome
+    if probability.shape[-1] == 2:
+        category = (outcome == OUTCOMES.index("chatter")).astype(np.int8)
+    seen = np.take_along_axis(probability, category[:, None].astype(np.intp), axis=-1)[:, 0]
+    return Contribution(log_density=np.log(seen), coordinates=2.0 * np.sqrt(probability))
+
+
+def frequency_residual(measured: Array, predicted: Array, tooth_passing: Array) -> Array:
+    """Return measured minus predicted chatter frequency, to the nearest line of its motion, all (trial,) [rad/s].
+
+    A motion with multiplier angle w T has lines at |w + j Omega| for every whole j, at both signs of w, and a
+    measurement may show any of them as the strongest. An unknown prediction is off by half the line spacing.
+
+    See docs/physics.md#likelihoods.
+    """
+    distance = [
+        (measured - sign * predicted + 0.5 * tooth_passing) % tooth_passing - 0.5 * tooth_passing for sign in (1, -1)
+    ]
+    nearest = np.where(np.abs(distance[0]) <= np.abs(distance[1]), *distance)
+    return np.asarray(np.where(np.isnan(predicted), 0.5 * tooth_passing, nearest))
+
+
+def chatter_frequency(measured: Array, residual: Array, tooth_passing: Array) -> Contribution:
+    """Return what chatter frequencies say, all (trial,) [rad/s]: Student-t, for saturated chatter departs from theory.
+
+    One in ten lies anywhere between two lines: where two multipliers are unstable, the motion may be that of
+    the other, and a single label of a branch must not outweigh all other data.
+
+    See docs/physics.md#likelihoods.
+    """
+    freedom, elsewhere = FREQUENCY_FREEDOM, FREQUENCY_ELSEWHERE
+    scale = np.hypot(FREQUENCY_SHARE * measured, FREQUENCY_FLOOR)
+    normaliser = gammaln(0.5 * (freedom + 1.0)) - gammaln(0.5 * freedom) - 0.5 * np.log(freedom * np.pi)
+    nearby = normaliser - np.log(scale) - 0.5 * (freedom + 1.0) * np.log1p((residual / scale) ** 2 / freedom)
+    density = np.logaddexp(np.log1p(-elsewhere) + nearby, np.log(elsewhere / tooth_passing))
+    # Expected information of a location: (freedom + 1) / (freedom + 3) over the scale squared, for those that tell
+    # it. Without sign, for the residual changes it where it passes from one line of the motion to the next.
+    size = np.sqrt((1.0 - elsewhere) * (freedom + 1.0) / (freedom + 3.0)) * np.abs(residual) / scale
+    return Contribution(log_density=density, coordinates=size[:, None])
+
+
+def line_errors(value: ComplexArray) -> Array:
+    """Return the standard deviation of both parts of every line (line,) [m/N].
+
+    See docs/physics.md#likelihoods.
+    """
+    size = np.abs(value)
+    return np.asarray(np.hypot(LINE_ERROR * size, FLOOR_ERROR * size.max()))
+
+
+def facts(value: ComplexArray) -> float:
+    """Return how many independent numbers a measured response (line,) holds.
+
+    Neighbouring lines repeat each other: a resonance is four numbers, over however many lines it spreads. With
+    u = H / error, the number of resonances that stand out of the errors is the width over which u is large,
+    (sum |u|^2)^2 / sum |u|^4 lines, over the length along which it is like itself, the sum of its
+    autocorrelation up to its first zero, to both sides. Were the error the same on every line, either would be
+    pi B for a single resonance of half-power bandwidth B. Never more than the numbers that were measured.
+
+    See docs/physics.md#likelihoods.
+    """
+    if len(value) < 2 or not value.any():
+        return 2.0 * len(value)
+    signal = value / line_errors(value)
+    power = np.abs(signal) ** 2
+    alike = np.fft.ifft(np.abs(np.fft.fft(signal, 2 * len(value))) ** 2)[: len(value)].real / power.sum()
+    # Beyond its first zero the correlation is that of other resonances.
+    ends = np.flatnonzero(alike <= 0.0)
+    length = 2.0 * alike[: ends[0] if len(ends) else len(value)].sum() - 1.0
+    peaks = power.sum() ** 2 / (power**2).sum() / length
+    return float(min(FACTS_OF_A_PEAK * max(peaks, 1.0), 2.0 * len(value)))
+
+
+def receptance(measured: ComplexArray, predicted: ComplexArray, independent: float) -> Contribution:
+    """Return what the lines (line,) of a response say, weighted to weigh ``independent`` numbers together.
+
+    An unknown prediction counts as a tip that does not move.
+
+    See docs/physics.md#likelihoods.
+    """
+    error = line_errors(measured)
+    residual = (measured - np.where(np.isnan(predicted), 0.0, predicted)) / error
+    weight = independent / (2.0 * len(residual))
+    density = -0.5 * np.abs(residual) ** 2 - np.log(2.0 * np.pi * error**2)
+    parts = np.sqrt(weight) * np.stack([residual.real, residual.imag], axis=-1)
+    return Contribution(log_density=weight * density, coordinates=parts)
+
+
+def gaussian(residual: Array, error: Array | float) -> Contribution:
+    """Return what residuals (datum,) with a standard deviation say; one that is NaN is off by UNANSWERED deviations.
+
+    See docs/physics.md#likelihoods.
+    """
+    error = np.broadcast_to(error, residual.shape)
+    standard = np.where(np.isnan(residual), UNANSWERED, residual / error)
+    return Contribution(
+        log_density=-0.5 * standard**2 - np.log(error) - 0.5 * np.log(2.0 * np.pi), coordinates=standard[:, None]
+    )
+
+
+def balanced_error(outcome: NDArray[np.int8], margin: Array) -> float:
+    """Return the mean of both shares of trials that are told wrongly: stable ones, and those with chatter.
+
+    Marginal trials do not count, an unknown margin is wrong either way, and a class without trials is left out;
+    NaN where there are none at all.
+
+    See docs/physics.md#likelihoods.
+    """
+    shares = []
+    for name, right in (("stable", margin <= 0.0), ("chatter", margin > 0.0)):
+        of_class = outcome == OUTCOMES.index(name)
+        if of_class.any():
+            shares.append(1.0 - right[of_class].mean())
+    return float(np.mean(shares)) if shares else float("nan")

@@ -1,0 +1,221 @@
+"""The maximum of a posterior: Fisher scoring with Levenberg's damping, within bounds.
+
+A step solves (F + 1 + damping diag(F + 1)) d = g in units of the priors' widths, F = J^T J being the expected
+Fisher information and g the gradient of the log posterior; it is taken when the log posterior rises.
+Unlike least squares on square roots of deviances it has the right curvature for labels and heavy tails.
+
+Source: M. R. Osborne, "Fisher's method of scoring", Int. Stat. Rev. 60 (1992) 99-117.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_core.evidence.parameters import Array, Evaluation, Problem, column, log_prior
+
+#: A fit has arrived when the next step promises less than this [nats].
+SMALLEST_GAIN = 0.005
+#: Where steps fail although they promise no more than this, the maximum lies at an edge where a datum jumps, and
+#: has been reached as well [nats].
+ROUGHNESS = 1.0
+#: Differences are taken over this share of a parameter's standard deviation, and of its prior's width at most.
+DIFFERENCE_SHARE, LARGEST_DIFFERENCE = 0.1, 0.02
+#: A coordinate that changes by more over such a difference has jumped: it may by a tenth or so.
+#: Differences that jump are shortened so many times.
+JUMP, SHORTER_DIFFERENCES = 0.5, 3
+#: Damping at the start, its factors after a failed and a good step, and where a direction is given up.
+DAMPING, DAMPING_UP, DAMPING_DOWN, DAMPING_MOST, DAMPING_LEAST = 1e-3, 5.0, 0.2, 1e6, 1e-6
+#: Lengths at which a step is tried, as long as it rises: where data contradict each other the information is
+#: large and steps are short. The first of all is lengthened when it falls too, to leap over an edge.
+LENGTHS = (1.0, 2.0, 4.0, 8.0)
+#: No step moves a parameter farther than this, in widths of its prior.
+LONGEST_STEP = 2.0
+MOST_STEPS = 40
+
+
+@dataclass(frozen=True, kw_only=True)
+class Maximum:
+    """Where the climb ended.
+
+    values: (parameter,); log_posterior; gradient (parameter,) and information (parameter, parameter) of the
+    log posterior there, in units of the priors' widths, the latter with the priors' own; free: (parameter,)
+    which ones were moved; evaluations; converged, and the reason in words.
+    """
+
+    values: Array
+    evaluation: Evaluation
+    log_posterior: float
+    gradient: Array
+    information: Array
+    free: NDArray[np.bool_]
+    evaluations: int
+    converged: bool
+    reason: str
+
+
+class Climb:
+    """A climb of a problem's log posterior; ``free`` (parameter,) says which parameters move."""
+
+    def __init__(self, problem: Problem, free: NDArray[np.bool_]) -> None:
+        self.problem = problem
+        self.free = free
+        self.mean = column(problem.parameters, "prior_mean")
+        self.width = column(problem.parameters, "prior_width")
+        self.lower = column(problem.parameters, "lower")
+        self.upper = column(problem.parameters, "upper")
+        self.evaluations = 0
+
+    def posterior(self, values: Array) -> tuple[float, Evaluation]:
+        """Return the log posterior and the evaluation of values, the same from wherever the climb comes."""
+        self.evaluations += 1
+        evaluation = self.problem.evaluate(values)
+        return evaluation.log_likelihood + log_prior(self.problem.parameters, values), evaluation
+
+    def from_start(self, start: Array, smallest_gain: float = SMALLEST_GAIN) -> Maximum:
+        """Climb from values (parameter,) until a step promises less than ``smallest_gain`` or none succeeds."""
+        here = self._place(np.clip(start, self.lower, self.upper))
+        damping, before, stuck = DAMPING, [here.values], None
+        reason, converged = f"no end after {MOST_STEPS} steps", False
+        gradient, information = self.slope(here.values, here.evaluation, self.width)
+        for _ in range(MOST_STEPS):
+            moving = self.free & ~self._held(here.values, gradient)
+            _, gain = _step(gradient, information, moving, 0.0)
+            if gain < smallest_gain:
+                reason, converged = f"the next step promises {gain:.2g} nats", True
+                break
+            found = self._climb_once(here, gradient, information, moving, damping)
+            if found is None and gain >= ROUGHNESS and stuck is None:
+                # An edge, and a slope that leads beyond it: once, the fit goes on from there.
+                step, _ = _step(gradient, information, moving, 0.0)
+                stuck = here, gradient, information
+                found = self._aside(here, step * self.width, 1.0), DAMPING
+            elif found is None:
+                converged = gain < max(ROUGHNESS, smallest_gain)
+                reason = f"no step rises, though one should by {gain:.2g} nats: the posterior has an edge"
+                break
+            here, damping = found
+            # In a narrow valley steps zigzag: what two of them have in common leads along it.
+            if len(before) > 1:
+                here = self._rise(here, here.values - before[-2], eager=False) or here
+            before.append(here.values)
+            gradient, information = self.slope(here.values, here.evaluation, self.width / np.sqrt(np.diag(information)))
+        if stuck is not None and stuck[0].height > here.height:
+            here, gradient, information = stuck
+            converged, reason = False, "the posterior has an edge, and beyond it is none higher"
+        return self._end(here, gradient, information, converged, reason)
+
+    def _end(self, here: "_Place", gradient: Array, information: Array, converged: bool, reason: str) -> Maximum:
+        return Maximum(
+            values=here.values,
+            evaluation=here.evaluation,
+            log_posterior=here.height,
+            gradient=gradient,
+            information=information,
+            free=self.free,
+            evaluations=self.evaluations,
+            converged=converged,
+            reason=reason,
+        )
+
+    def slope(self, values: Array, evaluation: Evaluation, deviation: Array) -> tuple[Array, Array]:
+        """Return gradient and information of the log posterior, in units of the priors' widths."""
+        gradient = np.zeros(len(values))
+        jacobian = np.zeros((len(evaluation.coordinates), len(values)))
+        for index in np.flatnonzero(self.free):
+            size = min(DIFFERENCE_SHARE * deviation[index], LARGEST_DIFFERENCE * self.width[index])
+            jacobian[:, index], gradient[index] = self._differences(values, evaluation, int(index), size)
+        information = jacobian.T @ jacobian
+        prior = (values - self.mean) / self.width
+        return np.where(self.free, gradient - prior, 0.0), information + np.eye(len(values))
+
+    def _differences(self, values: Array, here: Evaluation, index: int, size: float) -> tuple[Array, float]:
+        """Return the derivatives of the coordinates (coordinate,) and of the log-likelihood by one parameter.
+
+        Where a datum jumps, the difference is taken anew over a tenth: what is merely steep then is smooth. What
+        still jumps, as where another branch of multipliers takes over, has no slope and is left out.
+        """
+        forward = values[index] + size <= self.upper[index]
+        for _ in range(SHORTER_DIFFERENCES + 1):
+            aside = values.copy()
+            aside[index] += size if forward else -size
+            self.evaluations += 1
+            there = self.problem.evaluate(aside, here)
+            difference, density = there.coordinates - here.coordinates, there.log_density - here.log_density
+            jumping = np.abs(difference) > JUMP
+            if not jumping.any():
+                break
+            size /= 10.0
+        change = (aside[index] - values[index]) / self.width[index]
+        jumps = np.zeros(len(density), dtype=bool)
+        jumps[here.datum[jumping]] = True
+        slope = np.where(jumps[here.datum], 0.0, difference) / change
+        # A difference to one side is off by half the curvature times its length, and the curvature is known.
+        return slope, float(density[~jumps].sum() / change + 0.5 * change * (slope @ slope))
+
+    def _held(self, values: Array, gradient: Array) -> NDArray[np.bool_]:
+        """Return which parameters stand at a bound that they would leave."""
+        at_lower, at_upper = (values <= self.lower) & (gradient < 0.0), (values >= self.upper) & (gradient > 0.0)
+        return np.asarray(at_lower | at_upper)
+
+    def _place(self, values: Array) -> "_Place":
+        height, evaluation = self.posterior(values)
+        return _Place(values=values, height=height, evaluation=evaluation)
+
+    def _room(self, direction: Array) -> float:
+        """Return how many times a direction may be gone at once."""
+        longest = float(np.abs(direction / self.width).max())
+        return LONGEST_STEP / longest if longest else 0.0
+
+    def _aside(self, here: "_Place", direction: Array, length: float) -> "_Place":
+        """Return the place at so many times a direction (parameter,), as far as there is room and bounds allow."""
+        values = here.values + min(length, self._room(direction)) * direction
+        return self._place(np.clip(values, self.lower, self.upper))
+
+    def _climb_once(
+        self, here: "_Place", gradient: Array, information: Array, moving: NDArray[np.bool_], damping: float
+    ) -> "tuple[_Place, float] | None":
+        """Return the next place and its damping; None where every step falls."""
+        eager = True
+        while damping <= DAMPING_MOST:
+            step, _ = _step(gradient, information, moving, damping)
+            found = self._rise(here, step * self.width, eager=eager)
+            if found is not None:
+                return found, max(damping * DAMPING_DOWN, DAMPING_LEAST)
+            damping, eager = damping * DAMPING_UP, False
+        return None
+
+    def _rise(self, here: "_Place", direction: Array, *, eager: bool) -> "_Place | None":
+        """Return the highest place along a direction (parameter,), at lengths that double while they rise.
+
+        ``eager`` tries all lengths until one rises. None where none does.
+        """
+        room, best = self._room(direction), None
+        for length in LENGTHS:
+            if length > LENGTHS[0] and length > room:
+                break
+            there = self._aside(here, direction, length)
+            if there.height > (here.height if best is None else best.height):
+                best = there
+            elif best is not None or not eager:
+                break
+        return best
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Place:
+    """Values (parameter,) with their log posterior and evaluation."""
+
+    values: Array
+    height: float
+    evaluation: Evaluation
+
+
+def _step(gradient: Array, information: Array, moving: NDArray[np.bool_], damping: float) -> tuple[Array, float]:
+    """Return the step (parameter,) in widths of the priors, and what the quadratic model promises of it."""
+    step = np.zeros(len(gradient))
+    if not moving.any():
+        return step, 0.0
+    block = information[np.ix_(moving, moving)]
+    step[moving] = np.linalg.solve(block + damping * np.diag(np.diag(block)), gradient[moving])
+    return step, float(0.5 * gradient @ step)

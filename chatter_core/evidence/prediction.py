@@ -1,0 +1,268 @@
+"""What a model says of everything that a campaign measured, for one vector of parameter values."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from chatter_core.chain import Structure
+from chatter_core.errors import InvalidInput
+from chatter_core.evidence.campaign import Campaign
+from chatter_core.evidence.cuts import CutPrediction, Cuts, cuts_of, predict_cuts
+from chatter_core.evidence.nuisances import SENSOR, machine_nuisances, measurement_parameters
+from chatter_core.evidence.parameters import Array, Parameter, column
+from chatter_core.evidence.stages import ComplexArray, Stages, Term, apply_terms
+from chatter_core.floquet import MethodSettings
+from chatter_core.machine import Machine
+from chatter_core.tip import most_modes
+
+#: Modes of an axis in the cut, and in a receptance, whose lines between the peaks feel all that lie above.
+CUT_MODES, RECEPTANCE_MODES = 4, 20
+#: Accuracy while fitting: the boundary moves by far less than trials can tell.
+FITTING_METHOD = MethodSettings(name="collocation", tolerance=1e-3)
+#: Models whose parameters differ by less than this share of the priors' widths hardly differ.
+NEARBY = 0.025
+
+#: What can be compared, by the names that answers use.
+QUANTITIES = (
+    "outcome",
+    "chatter_frequency",
+    "receptance",
+    "natural_frequency",
+    "damping_ratio",
+    "bearing_stiffness",
+    "limit_depth",
+)
+#: Those that depend on the structure alone, and cost next to nothing.
+STRUCTURAL = ("receptance", "natural_frequency", "damping_ratio", "bearing_stiffness")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """Everything predicted for ``values``; None or empty where nothing was measured or asked for.
+
+    cuts: the trials, then the limit depths, of which ``trials`` are trials; receptances: (line,) each [m/N], as
+    the sensors would show them; natural_frequency [rad/s], damping_ratio, radial_stiffness and axial_stiffness
+    [N/m]: (row,) of their tables. NaN marks what the model cannot answer. structures: of each group of cuts,
+    and response: of the receptances, for whoever predicts values nearby.
+    """
+
+    values: Array
+    cuts: CutPrediction | None
+    trials: int
+    receptances: tuple[ComplexArray, ...]
+    natural_frequency: Array
+    damping_ratio: Array
+    radial_stiffness: Array
+    axial_stiffness: Array
+    structures: tuple[Structure, ...]
+    response: Structure | None
+
+    @property
+    def margin(self) -> Array:
+        """Distance of each trial from the boundary in ln(depth), positive where unstable (trial,)."""
+        return self.cuts.margin[: self.trials] if self.cuts is not None else np.empty(0)
+
+    @property
+    def chatter_frequency(self) -> Array:
+        """Chatter frequency (trial,) [rad/s], NaN where none was measured."""
+        return self.cuts.chatter_frequency[: self.trials] if self.cuts is not None else np.empty(0)
+
+    @property
+    def limit_margin(self) -> Array:
+        """Ln of measured over predicted limit depth (row,), to the nearest crossing."""
+        return self.cuts.margin[self.trials :] if self.cuts is not None else np.empty(0)
+
+    @property
+    def failed(self) -> int:
+        """How many measured cuts, responses, modes and stiffnesses the model could not answer."""
+        cuts = self.cuts.margin if self.cuts is not None else np.empty(0)
+        lost = sum(bool(np.isnan(response).all()) for response in self.receptances)
+        return lost + sum(int(np.isnan(array).sum()) for array in (cuts, self.natural_frequency, self.radial_stiffness))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignModel:
+    """A model of what a campaign measured: the machine as described, seen through terms.
+
+    terms: nuisances and effects, applied in this order; campaign: what was measured, and the sensors' own
+    parameters with it; cut_modes, receptance_modes: modes of an axis, at most; method: of Floquet analysis.
+    The vector of parameters holds the terms' parameters, then the measurements'.
+    """
+
+    campaign: Campaign
+    terms: tuple[Term, ...]
+    cut_modes: int = CUT_MODES
+    receptance_modes: int = RECEPTANCE_MODES
+    method: MethodSettings = FITTING_METHOD
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All parameters, in the order of the vector.
+
+        Raises InvalidInput when two have one name.
+        """
+        own = tuple(parameter for term in self.terms for parameter in term.parameters)
+        together = (*own, *measurement_parameters(self.campaign))
+        names = [parameter.name for parameter in together]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise InvalidInput([f"parameter {name}: two terms of the model have one of this name" for name in twice])
+        return together
+
+    @property
+    def nulls(self) -> Array:
+        """Values of the machine as described (parameter,)."""
+        return column(self.parameters, "null")
+
+    def stages(self, values: Array, machine: Machine | None = None) -> Stages:
+        """Return the stages at values (parameter,), of the campaign's machine or of one with other settings."""
+        return apply_terms(self.campaign.machine if machine is None else machine, self.terms, values)
+
+    def named(self, values: Array) -> dict[str, float]:
+        """Return the values by name."""
+        return {parameter.name: float(value) for parameter, value in zip(self.parameters, values, strict=True)}
+
+    def predict(
+        self, values: Array, near: Prediction | None = None, quantities: tuple[str, ...] = QUANTITIES
+    ) -> Prediction:
+        """Predict what was measured, as far as it belongs to ``quantities``.
+
+        ``near``: a prediction of the same quantities for other values. What no differing parameter touches
+        is taken over from it; where values hardly differ, crossings are followed from it.
+
+        Raises InvalidInput when a parameter takes the machine out of its bounds.
+        """
+        changed = self._changed(values, near)
+        kept = near if "structure" not in changed else None
+        cuts: CutPrediction | None = None
+        structures: tuple[Structure, ...] = ()
+        if {"outcome", "chatter_frequency", "limit_depth"} & set(quantities) and len(self._cuts):
+            structures = self._structures(values) if kept is None else kept.structures
+            same = kept is not None and "cut" not in changed
+            cuts = kept.cuts if kept is not None and same else self._predict_cuts(values, structures, near)
+        response, receptances = self._respond(values, kept) if "receptance" in quantities else (None, ())
+        frequency, damping = self._modes(values, kept, quantities)
+        radial, axial = self._stiffness(values, kept, quantities)
+        return Prediction(
+            values=values,
+            cuts=cuts,
+            trials=self._cuts.trials,
+            receptances=receptances,
+            natural_frequency=frequency,
+            damping_ratio=damping,
+            radial_stiffness=radial,
+            axial_stiffness=axial,
+            structures=structures,
+            response=response,
+        )
+
+    def _changed(self, values: Array, near: Prediction | None) -> set[str]:
+        """Return what the parameters touch whose values differ from those nearby."""
+        if near is None:
+            return {"structure"}
+        return {self.parameters[index].touches for index in np.flatnonzero(values != near.values)}
+
+    @cached_property
+    def _cuts(self) -> Cuts:
+        return cuts_of(self.campaign)
+
+    def _structures(self, values: Array) -> tuple[Structure, ...]:
+        structures = []
+        for group in self._cuts.groups:
+            stages = self.stages(values, group.machine)
+            count = self._available(self.cut_modes)
+            structures.append(stages.structure(stages.machine, group.spindle_speed, mode_count=count))
+        return tuple(structures)
+
+    def _predict_cuts(self, values: Array, structures: tuple[Structure, ...], near: Prediction | None) -> CutPrediction:
+        """Return the prediction of all cuts."""
+        known = None
+        if near is not None:
+            apart = np.abs(values - near.values) / column(self.parameters, "prior_width")
+            known = near.cuts if apart.max() <= NEARBY else None
+        count = len(self._cuts)
+        margin, crossing, frequency = np.full((3, count), np.nan)
+        solved = np.zeros(count, dtype=bool)
+        for group, built in zip(self._cuts.groups, structures, strict=True):
+            for setup in group.setups:
+                stages = self.stages(values, setup.machine)
+                found = predict_cuts(stages, self._cuts, setup, built, self.method, known)
+                margin[setup.points], crossing[setup.points] = found.margin, found.crossing
+                frequency[setup.points], solved[setup.points] = found.chatter_frequency, found.solved
+        return CutPrediction(margin=margin, crossing=crossing, chatter_frequency=frequency, solved=solved)
+
+    def _available(self, most: int) -> int:
+        """Return how many modes of an axis are asked for: ``most``, or all that were measured."""
+        tip = self.campaign.machine.tip
+        return most if tip is None else min(most, most_modes(tip))
+
+    def _respond(self, values: Array, kept: Prediction | None) -> tuple[Structure | None, tuple[ComplexArray, ...]]:
+        """Return the receptances as the sensors would show them, and the structure behind them."""
+        measured = self.campaign.receptances
+        if not measured:
+            return None, ()
+        stages = self.stages(values)
+        speeds = np.unique([one.spindle_speed for one in measured])
+        built = kept.response if kept is not None else None
+        if built is None:
+            count = self._available(self.receptance_modes)
+            built = stages.structure(stages.machine, speeds, mode_count=count)
+        sensors = self._sensors(values)
+        responses = []
+        for number, one in enumerate(measured):
+            if kept is not None and np.array_equal(sensors[number], self._sensors(kept.values)[number]):
+                responses.append(kept.receptances[number])
+                continue
+            gain, phase, scale = sensors[number]
+            modes = built.modes.at(np.searchsorted(speeds, [one.spindle_speed]))
+            seen = stages.receptance(modes, one.frequency * np.exp(-scale))[0, :, one.output_axis, one.input_axis]
+            responses.append(seen * np.exp(gain + 1j * phase))
+        return built, tuple(responses)
+
+    def _sensors(self, values: Array) -> Array:
+        """Return gain, phase and frequency scale of every response (response, 3)."""
+        first = sum(len(term.parameters) for term in self.terms)
+        count = len(self.campaign.receptances)
+        return values[first : first + len(SENSOR) * count].reshape(count, len(SENSOR))
+
+    def _modes(self, values: Array, kept: Prediction | None, quantities: tuple[str, ...]) -> tuple[Array, Array]:
+        """Return natural frequency and damping ratio (row,) of the measured modes, told by their number."""
+        measured = self.campaign.natural_frequencies
+        if measured is None or not {"natural_frequency", "damping_ratio"} & set(quantities):
+            return np.empty(0), np.empty(0)
+        if kept is not None:
+            return kept.natural_frequency, kept.damping_ratio
+        stages = self.stages(values)
+        speeds, row = np.unique(measured.spindle_speed, return_inverse=True)
+        count = self._available(int(measured.mode.max()))
+        modes = stages.structure(stages.machine, speeds, mode_count=count).modes
+        # The first axis that has a mode of this number; where none has, the model has no answer.
+        alike = modes.label == measured.mode[:, None]
+        first = alike.argmax(axis=1)
+        found = (modes.natural_frequency[row, first], modes.damping_ratio[row, first])
+        return np.where(alike.any(axis=1), found[0], np.nan), np.where(alike.any(axis=1), found[1], np.nan)
+
+    def _stiffness(self, values: Array, kept: Prediction | None, quantities: tuple[str, ...]) -> tuple[Array, Array]:
+        """Return radial and axial stiffness (row,) of the single bearing at its own preloads."""
+        measured, machine = self.campaign.stiffness, self.campaign.machine
+        if measured is None or "bearing_stiffness" not in quantities:
+            return np.empty(0), np.empty(0)
+        if kept is not None:
+            return kept.radial_stiffness, kept.axial_stiffness
+        radial, axial = np.full((2, len(measured.preload)), np.nan)
+        for preload in np.unique(measured.preload) if machine.spindle is not None else ():
+            rows = np.flatnonzero(measured.preload == preload)
+            stages = self.stages(values, machine.with_preload(float(preload)))
+            bearing = stages.structure(stages.machine, measured.spindle_speed[rows], mode_count=1).bearing
+            if bearing is not None:
+                radial[rows], axial[rows] = bearing.radial_stiffness, bearing.axial_stiffness
+        return radial, axial
+
+
+def base_model(campaign: Campaign, effects: tuple[Term, ...] = ()) -> CampaignModel:
+    """Return the model of a campaign whose machine may err as data sheets do, and effects after that.
+
+    See docs/physics.md#model-and-nuisances.
+    """
+    return CampaignModel(campaign=campaign, terms=(*machine_nuisances(campaign.machine), *effects))

@@ -1,0 +1,234 @@
+"""The fit of problems whose answer is known: linear and normal ones, a logistic one, bounds, jumps, valleys."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import integrate, optimize, stats
+
+from chatter_core.errors import InvalidInput, NotConverged
+from chatter_core.evidence.fit import fit, maximise, result
+from chatter_core.evidence.intervals import profile_interval
+from chatter_core.evidence.parameters import Evaluation, Parameter, log_prior, log_share
+
+
+def parameter(name="a", **kind):
+    return Parameter(name=name, unit="", doc="", **{"prior_width": 1.0, **kind})
+
+
+class Normal:
+    """Residuals of normal data, a function of the values."""
+
+    def __init__(self, parameters, residuals):
+        self.parameters, self.residuals = parameters, residuals
+
+    def evaluate(self, values, near=None):
+        residual = self.residuals(values)
+        density = -0.5 * residual**2 - 0.5 * math.log(2.0 * math.pi)
+        return Evaluation(log_density=density, coordinates=residual, datum=np.arange(len(residual)))
+
+
+def linear(seed=1):
+    """Twelve data, linear in three parameters with different priors; their design, data and priors too."""
+    rng = np.random.default_rng(seed)
+    design, data = rng.standard_normal((12, 3)), rng.standard_normal(12)
+    mean, width = np.array([0.0, 0.5, -0.2]), np.array([0.1, 2.0, 0.5])
+    parameters = tuple(
+        parameter("abc"[i], prior_mean=float(mean[i]), null=float(mean[i]), prior_width=float(width[i]))
+        for i in range(3)
+    )
+    return Normal(parameters, lambda values: data - design @ values), design, data, mean, width
+
+
+def test_a_linear_normal_problem_has_its_closed_form():
+    problem, design, data, mean, width = linear()
+    found = fit(problem)
+    covariance = np.linalg.inv(design.T @ design + np.diag(width**-2.0))
+    estimate = covariance @ (design.T @ data + mean / width**2)
+    deviation = np.sqrt(np.diag(covariance))
+    # Differences of linear functions are exact; the fit ends within what a step of 0.005 nats is.
+    assert found.estimate == pytest.approx(estimate, abs=0.02 * deviation.min())
+    assert found.standard_deviation == pytest.approx(deviation, rel=1e-6)
+    assert found.correlation == pytest.approx(covariance / np.outer(deviation, deviation), abs=1e-6)
+    assert found.pull == pytest.approx((found.estimate - mean) / width, rel=1e-12)
+    marginal = stats.multivariate_normal(design @ mean, np.eye(12) + design @ np.diag(width**2) @ design.T)
+    assert found.log_evidence == pytest.approx(marginal.logpdf(data), abs=1e-4)
+    assert found.converged
+    assert not found.at_bound.any()
+    assert not found.fixed.any()
+
+
+def test_fixed_parameters_stay_and_correlate_with_nothing():
+    problem, design, data, mean, width = linear()
+    found = fit(problem, starts=[np.array([0.0, 1.0, 0.0])], fixed=["b"])
+    assert found.estimate[1] == 1.0
+    assert found.standard_deviation[1] == 0.0
+    assert found.correlation[1].tolist() == [0.0, 1.0, 0.0]
+    kept, rest = [0, 2], data - design[:, 1]
+    marginal = stats.multivariate_normal(
+        design[:, kept] @ mean[kept], np.eye(12) + design[:, kept] @ np.diag(width[kept] ** 2) @ design[:, kept].T
+    )
+    assert found.log_evidence == pytest.approx(marginal.logpdf(rest), abs=1e-4)
+
+
+@pytest.mark.parametrize("datum", [-3.0, -0.3, 0.4, 4.0])
+def test_an_amplitude_that_cannot_be_negative_has_its_evidence_exactly(datum):
+    one = parameter(lower=0.0, prior_width=2.0)
+    found = fit(Normal((one,), lambda values: np.array([datum - values[0]])))
+    exact, _ = integrate.quad(
+        lambda a: stats.norm.pdf(datum - a) * stats.halfnorm.pdf(a, scale=2.0), 0.0, 40.0, points=[5.0], epsabs=1e-14
+    )
+    assert found.log_evidence == pytest.approx(math.log(exact), abs=1e-3)
+    assert found.at_bound[0] == (datum < 0.0)
+    assert found.estimate[0] == pytest.approx(max(0.0, 0.8 * datum), abs=0.02)
+
+
+class Logistic:
+    """Labels of a logistic regression: nothing normal about them."""
+
+    def __init__(self, seed=3):
+        rng = np.random.default_rng(seed)
+        self.design = np.column_stack([np.ones(40), rng.standard_normal(40)])
+        self.labels = rng.random(40) < 1.0 / (1.0 + np.exp(-self.design @ [0.5, 1.5]))
+        self.parameters = (parameter("a", prior_width=2.0), parameter("b", prior_width=2.0))
+
+    def evaluate(self, values, near=None):
+        p = 1.0 / (1.0 + np.exp(-self.design @ values))
+        both = np.stack([1.0 - p, p], axis=1)
+        density = np.log(np.where(self.labels, p, 1.0 - p))
+        return Evaluation(
+            log_density=density, coordinates=2.0 * np.sqrt(both).ravel(), datum=np.repeat(np.arange(40), 2)
+        )
+
+
+def test_labels_are_fitted_to_the_maximum_with_the_curvature_that_is_there():
+    problem = Logistic()
+    found = fit(problem)
+
+    def height(values):
+        return problem.evaluate(values).log_likelihood + log_prior(problem.parameters, values)
+
+    best = optimize.minimize(lambda v: -height(v), np.zeros(2), tol=1e-12)
+    weights = (p := 1.0 / (1.0 + np.exp(-problem.design @ best.x))) * (1.0 - p)
+    curvature = problem.design.T @ (weights[:, None] * problem.design) + np.eye(2) / 4.0
+    assert found.estimate == pytest.approx(best.x, abs=0.1 * found.standard_deviation.min())
+    assert found.standard_deviation == pytest.approx(np.sqrt(np.diag(np.linalg.inv(curvature))), rel=0.02)
+    exact, _ = integrate.dblquad(lambda b, a: math.exp(height(np.array([a, b]))), -4.0, 6.0, -4.0, 8.0, epsabs=1e-20)
+    # Laplace's method: of the order of one over the number of data. The prior's unit is its width.
+    assert found.log_evidence == pytest.approx(math.log(exact / 4.0), abs=0.1)
+
+
+def test_a_narrow_bent_valley_is_followed_to_its_end():
+    bent = Normal(
+        (parameter("a", prior_width=30.0), parameter("b", prior_width=30.0)),
+        lambda v: np.array([10.0 * (v[1] - v[0] ** 2), 1.0 - v[0]]),
+    )
+    found = fit(bent, starts=[np.array([-1.2, 1.0])])
+    assert found.converged
+    # The prior of width 30 pulls by a thousandth; the fit's end is a tenth of a deviation of one.
+    assert found.estimate == pytest.approx([1.0, 1.0], abs=0.25)
+
+
+def test_a_datum_that_jumps_gives_no_slope_and_does_not_stop_the_fit():
+    def residuals(values):
+        jumping = 0.0 if values[0] < 0.5001 else 2.0
+        return np.array([*(10.0 * (1.0 - values[0]) * np.ones(4)), jumping])
+
+    found = fit(Normal((parameter(),), residuals), starts=[np.array([0.5])])
+    assert found.converged
+    assert found.estimate[0] == pytest.approx(1.0, abs=0.02)
+    assert found.standard_deviation[0] == pytest.approx(1.0 / math.sqrt(401.0), rel=1e-3)
+
+
+def test_of_several_starts_the_best_maximum_is_taken():
+    two_peaks = Normal((parameter(prior_width=3.0),), lambda v: np.array([4.0 * (v[0] ** 2 - 1.0), 0.5 * (v[0] - 1.0)]))
+    found = fit(two_peaks, starts=[np.array([-1.1]), np.array([1.3])], most=2)
+    assert found.estimate[0] == pytest.approx(1.0, abs=0.05)
+    alone = fit(two_peaks, starts=[np.array([-1.1])])
+    assert alone.estimate[0] < 0.0
+    assert alone.log_posterior < found.log_posterior
+
+
+def test_a_fit_that_is_cut_short_says_so(monkeypatch):
+    from chatter_core.evidence import newton
+
+    monkeypatch.setattr(newton, "MOST_STEPS", 1)
+    found = fit(Normal((parameter(prior_width=9.0),), lambda v: np.array([20.0 * (v[0] ** 3 - 8.0)])))
+    assert not found.converged
+    assert found.reason == "no end after 1 steps"
+
+
+def test_a_fit_that_ends_below_its_start_has_failed():
+    problem, *_ = linear()
+    free = np.ones(3, dtype=bool)
+    best = maximise(problem, [np.zeros(3)], free)
+    failed = result(problem, best, 0, started=best.log_posterior + 1.5)
+    assert (failed.converged, failed.reason) == (False, "ended 1.5 nats below its start")
+    assert result(problem, best, 0, started=best.log_posterior).converged
+
+
+def test_profile_intervals_of_a_linear_problem_are_normal_quantiles():
+    problem, *_ = linear()
+    found = fit(problem)
+    interval = profile_interval(problem, found, "b", coverage=0.9)
+    size = stats.norm.ppf(0.95) * found.standard_deviation[1]
+    # Ends are met to two hundredths of a deviation, from an estimate as near to the maximum.
+    assert interval.low == pytest.approx(found.estimate[1] - size, abs=0.15 * found.standard_deviation[1])
+    assert interval.high == pytest.approx(found.estimate[1] + size, abs=0.15 * found.standard_deviation[1])
+    assert not interval.low_is_open
+    assert not interval.high_is_open
+
+
+def test_profile_intervals_are_skew_where_the_posterior_is_and_open_at_a_bound():
+    one = parameter(lower=0.0, prior_width=50.0)
+    problem = Normal((one,), lambda v: np.array([2.0 - v[0] ** 2]))
+    found = fit(problem, starts=[np.array([1.0])])
+    interval = profile_interval(problem, found, "a", coverage=0.6826894921370859)
+    # v^2 = 2 +- 1, but for the prior's pull and the accuracy of both ends.
+    assert (interval.low, interval.high) == (pytest.approx(1.0, abs=0.02), pytest.approx(math.sqrt(3.0), abs=0.02))
+    wide = profile_interval(problem, found, "a", coverage=0.999)
+    assert (wide.low, wide.low_is_open, wide.high_is_open) == (0.0, True, False)
+
+
+def test_a_profile_that_climbs_above_its_fit_says_that_the_fit_was_none():
+    two_peaks = Normal((parameter(prior_width=3.0),), lambda v: np.array([4.0 * (v[0] ** 2 - 1.0), 0.5 * (v[0] - 9.0)]))
+    wrong = fit(two_peaks, starts=[np.array([-1.1])])
+    with pytest.raises(NotConverged, match=r"a refit ends .* nats above the fit|no end within"):
+        profile_interval(two_peaks, wrong, "a", coverage=0.999999)
+
+
+def test_what_cannot_be_fitted_is_told():
+    problem, *_ = linear()
+    with pytest.raises(InvalidInput, match=r"parameter: found 'd', allowed: a, b, c"):
+        fit(problem, fixed=["d"])
+    with pytest.raises(InvalidInput, match=r"start: found 2 values, needed one for each of 3 parameters"):
+        fit(problem, starts=[np.zeros(2)])
+    bounded = Normal((parameter(lower=0.0),), lambda v: v)
+    with pytest.raises(InvalidInput, match=r"start of a: found -1 , allowed 0 to inf"):
+        fit(bounded, starts=[np.array([-1.0])])
+    with pytest.raises(InvalidInput, match=r"its null 0  must lie within its bounds, 1 to 2"):
+        parameter(lower=1.0, upper=2.0)
+    with pytest.raises(InvalidInput, match=r"prior_width: found 0, allowed: above 0"):
+        parameter(prior_width=0.0)
+    found = fit(problem, fixed=["a"])
+    with pytest.raises(InvalidInput, match=r"parameter a: it was fixed in the fit"):
+        profile_interval(problem, found, "a")
+    with pytest.raises(InvalidInput, match=r"coverage: found 1, allowed: between 0 and 1"):
+        profile_interval(problem, found, "b", coverage=1.0)
+
+
+def test_priors_are_normal_within_their_bounds():
+    both = (parameter("a", prior_width=0.5, prior_mean=1.0, null=1.0), parameter("b", lower=0.0, prior_width=2.0))
+    values = np.array([0.7, 1.0])
+    expected = stats.norm.logpdf(-0.6) + stats.halfnorm.logpdf(0.5)
+    assert log_prior(both, values) == pytest.approx(expected, rel=1e-13)
+    assert log_prior(both, np.array([0.7, -1.0])) == -np.inf
+    low, high = np.array([-np.inf, -1.0, 30.0, -40.0]), np.array([np.inf, 2.0, 31.0, -39.0])
+    # Far tails from the asymptotic series of the survival function, in scipy's own log.
+    expected = [
+        0.0,
+        math.log(stats.norm.cdf(2.0) - stats.norm.cdf(-1.0)),
+        stats.norm.logsf(30.0),
+        stats.norm.logsf(39.0),
+    ]
+    assert log_share(low, high) == pytest.approx(expected, rel=1e-11, abs=1e-15)

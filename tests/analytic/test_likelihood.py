@@ -1,0 +1,162 @@
+"""Likelihoods against closed forms and scipy.stats."""
+
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+from chatter_core.evidence import likelihood
+from chatter_core.evidence.measured import OUTCOMES
+
+STABLE, MARGINAL, CHATTER = range(3)
+HZ = 2.0 * np.pi
+
+
+def test_the_outcome_curve_is_a_logistic_with_wrong_labels_at_both_ends():
+    margin = np.array([-50.0, -0.1, 0.0, 0.03, 50.0])
+    found = likelihood.outcome_probabilities(margin, mislabelled=0.04, width=0.06)
+    expected = 0.04 + 0.92 * stats.logistic.cdf(margin, scale=0.06)
+    # Rounding.
+    assert found[:, 1] == pytest.approx(expected, rel=1e-14)
+    assert found.sum(axis=1) == pytest.approx(np.ones(5), rel=1e-14)
+
+
+def test_marginal_cuts_make_an_ordered_logit():
+    margin = np.linspace(-1.0, 1.0, 41)
+    found = likelihood.outcome_probabilities(margin, mislabelled=0.04, width=0.06, marginal_width=0.05)
+    louder = stats.logistic.cdf(margin[:, None] - [0.0, 0.05], scale=0.06)
+    plain = np.stack([1.0 - louder[:, 0], louder[:, 0] - louder[:, 1], louder[:, 1]], axis=1)
+    # Differences of probabilities near one lose digits in the plain form.
+    assert found == pytest.approx(0.02 + 0.94 * plain, abs=1e-14)
+    assert found.sum(axis=1) == pytest.approx(np.ones(41), rel=1e-13)
+    # Most likely halfway between the limit and the end of what is marginal: alike at both.
+    assert found[20, MARGINAL] == pytest.approx(found[21, MARGINAL], rel=1e-12)
+    assert found[:, MARGINAL].max() == pytest.approx(found[20, MARGINAL], rel=1e-12)
+
+
+def test_without_a_band_no_cut_is_marginal():
+    margin = np.linspace(-0.3, 0.3, 7)
+    three = likelihood.outcome_probabilities(margin, mislabelled=0.0, width=0.06, marginal_width=0.0)
+    two = likelihood.outcome_probabilities(margin, mislabelled=0.0, width=0.06)
+    assert three[:, [STABLE, CHATTER]] == pytest.approx(two, abs=1e-15)
+
+
+def test_what_the_model_cannot_answer_is_a_wrong_label_whatever_it_is():
+    found = likelihood.outcome_probabilities(np.array([np.nan]), mislabelled=0.05, width=0.06)
+    assert found.tolist() == [[0.05, 0.05]]
+
+
+def test_labels_say_the_log_of_their_probability():
+    probability = np.array([[0.7, 0.1, 0.2], [0.2, 0.3, 0.5]])
+    outcome = np.array([MARGINAL, CHATTER], dtype=np.int8)
+    found = likelihood.outcome(outcome, probability)
+    assert found.log_density == pytest.approx(np.log([0.1, 0.5]), rel=1e-15)
+    two = likelihood.outcome(np.array([STABLE, CHATTER], dtype=np.int8), np.array([[0.9, 0.1], [0.3, 0.7]]))
+    assert two.log_density == pytest.approx(np.log([0.9, 0.7]), rel=1e-15)
+    assert OUTCOMES == ("stable", "marginal", "chatter")
+
+
+def gram(coordinates, step):
+    """Return the information of central differences of coordinates."""
+    return float((((coordinates(step) - coordinates(-step)) / (2.0 * step)) ** 2).sum())
+
+
+@pytest.mark.parametrize("marginal", [None, 0.05])
+def test_coordinates_of_labels_carry_the_expected_information_of_the_margin(marginal):
+    def probability(shift):
+        return likelihood.outcome_probabilities(
+            np.array([0.02 + shift]), mislabelled=0.04, width=0.06, marginal_width=marginal
+        )
+
+    slope = (probability(1e-6) - probability(-1e-6))[0] / 2e-6
+    expected = (slope**2 / probability(0.0)[0]).sum()
+    label = np.array([CHATTER], dtype=np.int8)
+    # Central differences over 1e-5: their square.
+    assert gram(lambda h: likelihood.outcome(label, probability(h)).coordinates, 1e-5) == pytest.approx(
+        expected, rel=1e-6
+    )
+
+
+def test_chatter_frequencies_are_compared_with_the_nearest_line_of_the_motion():
+    passing = np.full(6, 100.0)
+    predicted = np.full(6, 730.0)
+    # On the line, three tooth passings off, a mirrored line (-730 + 800), and beside each.
+    measured = np.array([730.0, 430.0, 70.0, 735.0, 68.0, 20.0])
+    found = likelihood.frequency_residual(measured, predicted, passing)
+    assert found == pytest.approx([0.0, 0.0, 0.0, 5.0, -2.0, -10.0], abs=1e-12)
+    assert likelihood.frequency_residual(np.array([1.0]), np.array([np.nan]), np.array([100.0])) == 50.0
+
+
+def test_chatter_frequencies_are_student_t_and_one_in_ten_is_anywhere():
+    measured, residual = np.array([600.0, 2400.0]) * HZ, np.array([4.0, -150.0]) * HZ
+    scale, passing = np.hypot(0.005 * measured, 3.0 * HZ), np.full(2, 800.0) * HZ
+    found = likelihood.chatter_frequency(measured, residual, passing)
+    expected = 0.9 * stats.t.pdf(residual, 4.0, scale=scale) + 0.1 / passing
+    assert found.log_density == pytest.approx(np.log(expected), rel=1e-13)
+
+
+def test_coordinates_of_frequencies_carry_nearly_the_expected_information():
+    measured, passing = np.array([600.0]) * HZ, np.array([800.0]) * HZ
+
+    def density(r):
+        return np.exp(likelihood.chatter_frequency(measured, np.array([r]), passing).log_density[0])
+
+    def information(r):
+        return ((density(r + 0.01) - density(r - 0.01)) / 0.02) ** 2 / density(r)
+
+    exact = 2.0 * integrate.quad(information, 0.0, 400.0 * HZ, points=[20.0, 200.0], limit=200)[0]
+    stated = gram(lambda h: likelihood.chatter_frequency(measured, 4.0 * HZ + np.array([h]), passing).coordinates, 1e-3)
+    # Tails in which both explanations are as likely hold a little less than is stated: seven in a hundred.
+    assert exact < stated < 1.1 * exact
+
+
+def lorentzian(frequency, natural, damping):
+    return 1.0 / (1.0 - (frequency / natural) ** 2 + 2j * damping * frequency / natural)
+
+
+@pytest.mark.parametrize("lines", [400, 800, 1600])
+def test_facts_do_not_grow_with_the_number_of_lines(lines):
+    frequency = np.linspace(100.0, 1100.0, lines)
+    one = likelihood.facts(lorentzian(frequency, 600.0, 0.03))
+    two = likelihood.facts(lorentzian(frequency, 400.0, 0.02) + lorentzian(frequency, 800.0, 0.02))
+    reference = likelihood.facts(lorentzian(np.linspace(100.0, 1100.0, 6400), 600.0, 0.03))
+    assert one == pytest.approx(reference, rel=0.02)
+    # A resonance is four numbers, somewhat more where the error follows its flanks.
+    assert 4.0 <= one <= 8.0
+    assert 1.3 * one <= two <= 2.2 * one
+
+
+def test_facts_are_never_more_than_what_was_measured():
+    assert likelihood.facts(np.array([1.0 + 1.0j])) == 2.0
+    assert likelihood.facts(np.array([1.0j, 0.5])) == 4.0
+    assert likelihood.facts(np.zeros(3, dtype=complex)) == 6.0
+
+
+def test_lines_of_a_response_are_normal_in_both_parts():
+    measured = np.array([1.0 - 2.0j, 0.1 + 0.2j]) * 1e-6
+    predicted = np.array([1.1 - 1.9j, 0.1 + 0.25j]) * 1e-6
+    error = np.hypot(0.04 * np.abs(measured), 0.02 * np.abs(measured).max())
+    apart = measured - predicted
+    expected = stats.norm.logpdf(apart.real, scale=error) + stats.norm.logpdf(apart.imag, scale=error)
+    found = likelihood.receptance(measured, predicted, independent=4.0)
+    assert found.log_density == pytest.approx(expected, rel=1e-13)
+    # As many facts as half of the numbers: half the weight.
+    half = likelihood.receptance(measured, predicted, independent=2.0)
+    assert half.log_density == pytest.approx(0.5 * expected, rel=1e-13)
+    assert (half.coordinates**2).sum() == pytest.approx(0.5 * (np.abs(apart / error) ** 2).sum(), rel=1e-13)
+    unknown = likelihood.receptance(measured, np.full(2, np.nan + 0j), independent=4.0)
+    still = likelihood.receptance(measured, np.zeros(2, dtype=complex), independent=4.0)
+    assert unknown.log_density == pytest.approx(still.log_density)
+
+
+def test_other_numbers_are_normal_and_ten_deviations_off_when_unanswered():
+    found = likelihood.gaussian(np.array([0.01, np.nan]), 0.02)
+    expected = [stats.norm.logpdf(0.01, scale=0.02), stats.norm.logpdf(0.2, scale=0.02)]
+    assert found.log_density == pytest.approx(expected, rel=1e-13)
+
+
+def test_the_balanced_error_weighs_both_classes_alike():
+    outcome = np.array([STABLE, STABLE, STABLE, STABLE, CHATTER, CHATTER, MARGINAL], dtype=np.int8)
+    margin = np.array([-0.1, -0.1, -0.1, 0.1, 0.1, np.nan, 0.1])
+    assert likelihood.balanced_error(outcome, margin) == pytest.approx(0.5 * (0.25 + 0.5))
+    assert likelihood.balanced_error(outcome[:4], margin[:4]) == pytest.approx(0.25)
+    assert np.isnan(likelihood.balanced_error(outcome[6:], margin[6:]))

@@ -1,0 +1,258 @@
+"""Predictions of a campaign: the chain's own answers at each trial's setup, and nothing computed for nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from chatter_core import chain, tip
+from chatter_core.errors import InvalidInput
+from chatter_core.evidence import Comparison, base_model
+from chatter_core.evidence.measured import (
+    DIRECTIONS,
+    OUTCOMES,
+    BearingStiffness,
+    Limits,
+    NaturalFrequencies,
+)
+from chatter_core.evidence.nuisances import machine_nuisances
+from chatter_core.evidence.parameters import Parameter
+from chatter_core.evidence.prediction import FITTING_METHOD, STRUCTURAL, CampaignModel
+from chatter_core.lobes import lobe_block
+from tests.synthetic import RPM, campaign, receptance, tip_machine, trials
+
+SPEEDS = np.array([3600.0, 4700.0, 7000.0]) * RPM
+FREQUENCIES = np.linspace(300.0, 3000.0, 40) * 2.0 * np.pi
+
+
+def first_limits(machine, speeds, mode_count):
+    """First limit depths (speed,) [m] by the search of the lobes."""
+    block = lobe_block(
+        machine,
+        spindle_speed=speeds,
+        axial_depth=np.linspace(2e-4, 6e-3, 30),
+        mode_count=mode_count,
+        modal_parameters="dynamic",
+        method=FITTING_METHOD,
+    )
+    return block.limit_depth[:, 0]
+
+
+def test_margins_are_measured_from_the_limit_depth():
+    machine = tip_machine()
+    limit = first_limits(machine, SPEEDS, 1)
+    shares = np.log([0.8, 0.95, 1.1])
+    model = base_model(campaign(machine, trials=trials(SPEEDS, limit * np.exp(shares))))
+    # Limit depths are found to 5e-7 m, margins to 1e-5.
+    assert model.predict(model.nulls).margin == pytest.approx(shares, abs=2e-3)
+    assert model.predict(model.nulls).failed == 0
+
+
+def test_limit_depths_are_cuts_that_should_have_no_margin():
+    machine = tip_machine()
+    limit = first_limits(machine, SPEEDS, 1)
+    table = Limits(spindle_speed=SPEEDS, limit_depth=1.02 * limit, uncertainty=0.05 * limit)
+    comparison = Comparison(model=base_model(campaign(machine, limits=table)))
+    found = comparison.compare(comparison.model.nulls)
+    assert found.prediction.limit_margin == pytest.approx(np.full(3, np.log(1.02)), abs=2e-3)
+    assert found.contributions["limit_depth"].coordinates[:, 0] == pytest.approx(
+        np.full(3, np.log(1.02) * 1.02 / 0.05), abs=0.05
+    )
+    assert list(found.log_likelihoods) == ["limit_depth"]
+
+
+def test_trials_are_cut_as_each_was_set_up(reference_machine):
+    speeds, depths = np.repeat(SPEEDS[:1], 5) * 3.0, np.full(5, 1.2e-3)
+    stated = {
+        "preload": np.array([np.nan, 300.0, 300.0, np.nan, np.nan]),
+        "radial_immersion": np.array([np.nan, np.nan, 0.1, np.nan, np.nan]),
+        "feed_per_tooth": np.array([np.nan, np.nan, np.nan, 0.2e-3, np.nan]),
+        "direction": np.array([-1, -1, -1, -1, DIRECTIONS.index("up")], dtype=np.int8),
+        "outcome": np.full(5, OUTCOMES.index("chatter"), dtype=np.int8),
+        "chatter_frequency": np.full(5, 3000.0),
+    }
+    values = np.array([0.02, -0.05, 0.1, 0.01, 0.05, 0.0, 0.0])
+    together = base_model(campaign(reference_machine, trials=trials(speeds, depths, **stated))).predict(values)
+    for index in range(5):
+        setup = {"radial_immersion": stated["radial_immersion"], "feed_per_tooth": stated["feed_per_tooth"]}
+        update = {key: float(value[index]) for key, value in setup.items() if np.isfinite(value[index])}
+        if index == 4:
+            update["direction"] = "up"
+        machine = reference_machine
+        if np.isfinite(stated["preload"][index]):
+            machine = machine.with_preload(float(stated["preload"][index]))
+        machine = machine.model_copy(update={"process": machine.process.model_copy(update=update)})
+        alone = trials(
+            speeds[:1], depths[:1], outcome=stated["outcome"][:1], chatter_frequency=stated["chatter_frequency"][:1]
+        )
+        found = base_model(campaign(machine, trials=alone)).predict(values)
+        # Alone or in a batch the Krylov spaces end at another step.
+        assert together.margin[index] == pytest.approx(found.margin[0], abs=1e-5)
+        assert together.chatter_frequency[index] == pytest.approx(found.chatter_frequency[0], rel=1e-5)
+    # The force is proportional to the chip, and up-milling mirrors down-milling on an axisymmetric rotor.
+    assert len(np.unique(together.margin.round(5))) == 3
+
+
+def everything(machine):
+    """A campaign with something of every kind."""
+    count = 4
+    preload = machine.spindle.preload if machine.spindle else 100.0
+    return campaign(
+        machine,
+        trials=trials(
+            np.linspace(6000.0, 9000.0, count) * RPM,
+            np.full(count, 1e-3),
+            outcome=np.array([0, 1, 2, 2], dtype=np.int8),
+            chatter_frequency=np.array([np.nan, np.nan, 9000.0, np.nan]),
+        ),
+        receptances=(receptance(FREQUENCIES), receptance(FREQUENCIES, speed=5000.0 * RPM, axis=1)),
+        natural_frequencies=NaturalFrequencies(
+            spindle_speed=np.array([0.0, 0.0, 600.0]),
+            mode=np.array([1, 2, 1]),
+            natural_frequency=np.array([5000.0, 8000.0, 4900.0]),
+            damping_ratio=np.array([0.02, np.nan, 0.03]),
+        ),
+        stiffness=BearingStiffness(
+            spindle_speed=np.array([0.0, 900.0]),
+            preload=np.array([preload, 2.0 * preload]),
+            radial_stiffness=np.array([1e8, 1.2e8]),
+            axial_stiffness=np.array([np.nan, 3e7]),
+        ),
+        limits=Limits(spindle_speed=np.array([700.0]), limit_depth=np.array([1.1e-3]), uncertainty=np.array([1e-4])),
+    )
+
+
+def fields(prediction):
+    """The numbers of a prediction."""
+    return [
+        prediction.margin,
+        prediction.chatter_frequency,
+        prediction.limit_margin,
+        *prediction.receptances,
+        prediction.natural_frequency,
+        prediction.damping_ratio,
+        prediction.radial_stiffness,
+        prediction.axial_stiffness,
+    ]
+
+
+def test_what_is_taken_over_from_nearby_is_what_would_be_computed(reference_machine):
+    model = base_model(everything(reference_machine))
+    here = model.predict(model.nulls)
+    for index, parameter in enumerate(model.parameters):
+        for share in (0.02, 0.5):
+            values = model.nulls.copy()
+            values[index] = share * parameter.prior_width
+            there, fresh = model.predict(values, here), model.predict(values)
+            for found, expected in zip(fields(there), fields(fresh), strict=True):
+                # Followed crossings: what moved, squared.
+                assert found == pytest.approx(expected, rel=1e-9, abs=5e-5, nan_ok=True), parameter.name
+            kept = {"cut": "response", "measurement": "cuts"}.get(parameter.touches)
+            assert kept is None or getattr(there, kept) is getattr(here, kept)
+
+
+def test_sensors_show_gain_phase_and_frequency_scale():
+    machine = tip_machine()
+    model = base_model(campaign(machine, receptances=(receptance(FREQUENCIES),)))
+    values = model.nulls.copy()
+    values[-3:] = 0.02, 0.05, 0.003
+    modes = tip.measured_modes(machine.tip, np.zeros(1))
+    expected = tip.receptance(modes, FREQUENCIES * np.exp(-0.003))[0, :, 0, 0] * np.exp(0.02 + 0.05j)
+    assert model.predict(values).receptances[0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_tables_hold_the_structures_own_numbers(reference_machine):
+    model = base_model(everything(reference_machine))
+    found = model.predict(model.nulls)
+    built = chain.structure(reference_machine, np.array([0.0, 600.0]), mode_count=2)
+    assert found.natural_frequency == pytest.approx(built.modes.natural_frequency[[0, 0, 1], [0, 1, 0]], rel=1e-9)
+    assert found.damping_ratio == pytest.approx(built.modes.damping_ratio[[0, 0, 1], [0, 1, 0]], rel=1e-9)
+    double = reference_machine.with_preload(2.0 * reference_machine.spindle.preload)
+    bearing = chain.structure(double, np.array([900.0]), mode_count=1).bearing
+    assert found.radial_stiffness[1] == pytest.approx(bearing.radial_stiffness[0], rel=1e-9)
+    assert found.axial_stiffness[1] == pytest.approx(bearing.axial_stiffness[0], rel=1e-9)
+
+
+def test_every_quantity_has_its_likelihood_and_the_cheap_ones_come_alone(reference_machine):
+    comparison = Comparison(model=base_model(everything(reference_machine)))
+    found = comparison.compare(comparison.model.nulls)
+    assert {name: len(part.log_density) for name, part in found.contributions.items()} == {
+        "outcome": 4,
+        "chatter_frequency": 1,
+        "receptance": 80,
+        "natural_frequency": 3,
+        "damping_ratio": 2,
+        "bearing_stiffness": 3,
+        "limit_depth": 1,
+    }
+    evaluation = comparison.evaluate(comparison.model.nulls)
+    assert evaluation.log_likelihood == pytest.approx(sum(found.log_likelihoods.values()), rel=1e-12)
+    assert len(evaluation.coordinates) == 4 * 3 + 1 + 2 * 80 + 3 + 2 + 3 + 1
+    assert evaluation.datum.max() == len(evaluation.log_density) - 1
+    cheap = comparison.structural.compare(comparison.model.nulls)
+    assert cheap.prediction.cuts is None
+    assert set(cheap.log_likelihoods) == set(STRUCTURAL)
+    assert "chatter_frequency" not in comparison.smooth.quantities
+    assert comparison.smooth.smooth is None
+
+
+def test_what_the_model_cannot_answer_is_marked_and_counts_as_wrong():
+    machine = tip_machine()
+    table = NaturalFrequencies(
+        spindle_speed=np.zeros(2),
+        mode=np.array([1, 7]),
+        natural_frequency=np.array([3770.0, 9000.0]),
+        damping_ratio=np.full(2, np.nan),
+    )
+    stiffness = BearingStiffness(
+        spindle_speed=np.zeros(1), preload=np.ones(1), radial_stiffness=np.ones(1), axial_stiffness=np.full(1, np.nan)
+    )
+    # At 0.4 rad/s more than 600 waves of the mode pass between two teeth: nothing is said of such a cut.
+    crawling = trials([0.4], [1e-3], outcome=np.array([2], dtype=np.int8), chatter_frequency=np.array([3770.0]))
+    measured = campaign(machine, trials=crawling, natural_frequencies=table, stiffness=stiffness)
+    found = Comparison(model=base_model(measured)).compare(base_model(measured).nulls)
+    assert found.prediction.failed == 3
+    assert found.contributions["outcome"].log_density == pytest.approx([np.log(0.04)])
+    assert found.contributions["natural_frequency"].coordinates[1, 0] == 10.0
+    assert found.contributions["bearing_stiffness"].coordinates[0, 0] == 10.0
+
+
+class Stiffer:
+    """An effect: a stage that is wrapped, with two parameters of its own."""
+
+    parameters = (
+        Parameter(name="rise", unit="", doc="", prior_width=0.1, lower=0.0),
+        Parameter(name="exponent", unit="", doc="", prior_width=0.5, prior_mean=2.0, null=2.0),
+    )
+
+    def apply(self, stages, values):
+        def structure(machine, spindle_speed, *, mode_count):
+            built = stages.structure(machine, spindle_speed, mode_count=mode_count)
+            factor = 1.0 + values[0] * (spindle_speed[:, None] / 1000.0) ** values[1]
+            modes = replace(built.modes, natural_frequency=built.modes.natural_frequency * factor)
+            return replace(built, modes=modes)
+
+        return replace(stages, structure=structure)
+
+
+def test_an_effect_joins_the_vector_and_its_null_is_the_base_model():
+    measured = everything(tip_machine())
+    base, wider = base_model(measured), base_model(measured, effects=(Stiffer(),))
+    names = [parameter.name for parameter in wider.parameters]
+    assert names[5:7] == ["rise", "exponent"]
+    assert names[:5] + names[7:] == [parameter.name for parameter in base.parameters]
+    for found, expected in zip(fields(wider.predict(wider.nulls)), fields(base.predict(base.nulls)), strict=True):
+        assert found == pytest.approx(expected, rel=1e-12, nan_ok=True)
+    values = wider.nulls.copy()
+    values[5] = 0.1
+    plain, changed = base.predict(base.nulls), wider.predict(values)
+    # Speed squared: nothing at rest, 0.1 times (600/1000)^2 at 600 rad/s.
+    expected = plain.natural_frequency * [1.0, 1.0, 1.036]
+    assert changed.natural_frequency == pytest.approx(expected, rel=1e-9, nan_ok=True)
+
+
+def test_two_terms_cannot_share_a_name():
+    measured = everything(tip_machine())
+    twice = CampaignModel(campaign=measured, terms=machine_nuisances(measured.machine) * 2)
+    with pytest.raises(InvalidInput, match=r"parameter kn: two terms of the model have one of this name"):
+        twice.nulls  # noqa: B018
