@@ -6,7 +6,7 @@ STUDY  ?= reference
 ARGS   ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep point identify paper template report bench test clean
+.PHONY: help run sweep point compare predict identify paper template report bench test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -20,6 +20,12 @@ sweep: $(VENV)/.installed ## compute any study, by STUDY=name
 
 point: $(VENV)/.installed ## the whole chain at one operating point, by ARGS="spindle_speed_rpm=12000 axial_depth_mm=1"
 	$(BIN)/python -m pipeline point $(ARGS)
+
+compare: $(VENV)/.installed ## a model held against a campaign, by CAMPAIGN=DIR
+	$(BIN)/python -m pipeline compare campaign=$(CAMPAIGN) $(ARGS)
+
+predict: $(VENV)/.installed ## what a model says of planned cuts, by CAMPAIGN=DIR ARGS="trials=FILE.csv predictions=FILE.csv"
+	$(BIN)/python -m pipeline predict campaign=$(CAMPAIGN) $(ARGS)
 
 identify: $(VENV)/.installed ## tip modes from measured receptances, by ARGS="campaign=DIR output=FILE.yaml"
 	$(BIN)/python -m pipeline identify $(ARGS)

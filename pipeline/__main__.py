@@ -14,6 +14,8 @@ from pipeline.errors import StoreInUse
 VERBS = {
     "sweep": "compute a grid of operating points into a store, with lobes, tables, figures and report",
     "point": "the whole chain at one operating point",
+    "compare": "a model held against a campaign: how good it is, calibrated and not, and where it fails",
+    "predict": "what a model says of cuts that are planned",
     "identify": "tip modes from measured receptances, as a machine file with uncertainties",
     "paper": "the paper's findings on the reference machine: figures P1 to P9 and a table of what holds",
     "template": "write an empty measurement campaign to fill in, every file, key and column explained",
@@ -36,6 +38,8 @@ examples
   python -m pipeline identify frf=path/to/frf.csv machine=path/to/machine.yaml output=machine_tip.yaml
   python -m pipeline identify campaign=my_campaign output=machine_tip.yaml
   python -m pipeline template output=my_campaign
+  python -m pipeline compare campaign=my_campaign
+  python -m pipeline predict campaign=my_campaign model=model.yaml trials=plan.csv predictions=out.csv
   python -m pipeline report output=results/smoke-1234abcd
 
 groups and their choices
@@ -45,6 +49,8 @@ options of verbs
   sweep     output=DIR, retry_failed=true
   point     spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static,
             format=text|json, output=DIR
+  compare   campaign=DIR, model=FILE.yaml, output=DIR
+  predict   campaign=DIR, model=FILE.yaml, trials=FILE.csv, predictions=FILE.csv
   identify  frf=FILE.csv|FILE.uff or campaign=DIR, modes, lowest_frequency_hz, highest_frequency_hz,
             output=FILE.yaml
   paper     output=DIR

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import ParamSpec, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence.columns import NO_WORD
@@ -21,6 +22,7 @@ from chatter_core.evidence.measured import (
     LIMITS,
     MODES,
     OUTCOMES,
+    PLANNED,
     RECEPTANCE,
     STABILITY,
     TABLES,
@@ -125,6 +127,23 @@ def read_responses(path: Path) -> Responses:
         raise InvalidInput(problems)
     odd = [remark for receptance in found.receptances for remark in _odd_receptance(receptance)]
     return replace(found, remarks=(*found.remarks, *odd))
+
+
+def planned_trials(path: Path, machine: Machine) -> tuple[Trials, NDArray[np.intp]]:
+    """Return cuts that are not judged yet from a table, and their order in the file, (trial,).
+
+    Raises InvalidInput with the findings, each naming file, line and column, what was found and what is
+    allowed.
+    """
+    rows = read_table(path, PLANNED)
+    if not len(rows):
+        raise InvalidInput([f"{path}: holds a header and no rows, needed: a line for each cut"])
+    problems = _contradictions(path, rows, machine)
+    if problems:
+        raise InvalidInput(problems)
+    nothing = np.full(len(rows), np.nan)
+    silent = {"outcome": np.zeros(len(rows)), "chatter_frequency": nothing}
+    return _trials(replace(rows, columns={**rows.columns, **silent})), np.argsort(rows.line, kind="stable")
 
 
 def _noting(problems: list[str], read: Callable[P, T], *what: P.args, **how: P.kwargs) -> T | None:

@@ -115,14 +115,23 @@ def predict_cuts(
     frequency = np.full(len(depth), np.nan)
     heard = np.flatnonzero(cuts.heard[setup.points])
     if len(heard):
-        # Where the model stays quiet, the frequency is that at which it would chatter, somewhat deeper.
-        deeper = np.where((margin < 0.0) & (crossing > 0.0), crossing, 0.0)[heard]
-        at = depth[heard] * np.exp(deeper)
+        at = depth[heard] * np.exp(where_it_chatters(margin, crossing)[heard])
         found = stages.stability(stages.machine, built, setup.speed_index[heard], at, method, np.ones(len(heard)))
         frequency[heard] = found.chatter_frequency
     return CutPrediction(
         margin=margin, crossing=crossing, chatter_frequency=frequency, solved=built.solved[setup.speed_index]
     )
+
+
+def where_it_chatters(margin: Array, crossing: Array) -> Array:
+    """Return in ln(depth) from each cut (cut,) where its chatter is looked at.
+
+    That is the cut itself, or where the model stays quiet the crossing somewhat deeper, at which it would
+    chatter.
+
+    See docs/physics.md#margin.
+    """
+    return np.where((margin < 0.0) & (crossing > 0.0), crossing, 0.0)
 
 
 def _group(campaign: Campaign, machine: Machine, points: Indices, speed: Array) -> Group:

@@ -103,6 +103,12 @@ LIMITS = Table(
         Column(key="uncertainty_mm", doc="standard uncertainty of that depth", bounds=Bounds(ge=1e-9, le=1e4)),
     ),
 )
+PLANNED = Table(
+    file="trials",
+    doc="cuts that are not judged yet",
+    identity=("trial",),
+    columns=tuple(column for column in STABILITY.columns if column.name not in ("outcome", "chatter_frequency")),
+)
 TABLES = (STABILITY, RECEPTANCE, MODES, BEARING, LIMITS)
 
 
@@ -129,6 +135,12 @@ class Trials:
 
     def __len__(self) -> int:
         return len(self.trial)
+
+    def at(self, rows: NDArray[np.intp]) -> "Trials":
+        """Return some of the trials."""
+        numbers = {name: array[rows] for name, array in vars(self).items() if name != "unknown"}
+        unknown = {key: tuple(cells[row] for row in rows) for key, cells in self.unknown.items()}
+        return Trials(**numbers, unknown=unknown)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,3 +214,10 @@ class Limits:
     spindle_speed: Array
     limit_depth: Array
     uncertainty: Array
+
+    def __len__(self) -> int:
+        return len(self.spindle_speed)
+
+    def at(self, rows: NDArray[np.intp]) -> "Limits":
+        """Return some of the rows."""
+        return Limits(**{name: array[rows] for name, array in vars(self).items()})

@@ -14,6 +14,7 @@ from chatter_core.evidence.parameters import Array, Parameter, column
 from chatter_core.evidence.stages import ComplexArray, Stages, Term, apply_terms
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import Machine
+from chatter_core.stability import Stability, without_result
 from chatter_core.tip import most_modes
 
 #: Modes of an axis in the cut, and in a receptance, whose lines between the peaks feel all that lie above.
@@ -137,7 +138,7 @@ class CampaignModel:
         kept = near if "structure" not in changed else None
         cuts: CutPrediction | None = None
         structures: tuple[Structure, ...] = ()
-        if {"outcome", "chatter_frequency", "limit_depth"} & set(quantities) and len(self._cuts):
+        if {"outcome", "chatter_frequency", "limit_depth"} & set(quantities) and len(self.cuts):
             structures = self._structures(values) if kept is None else kept.structures
             same = kept is not None and "cut" not in changed
             cuts = kept.cuts if kept is not None and same else self._predict_cuts(values, structures, near)
@@ -147,7 +148,7 @@ class CampaignModel:
         return Prediction(
             values=values,
             cuts=cuts,
-            trials=self._cuts.trials,
+            trials=self.cuts.trials,
             receptances=receptances,
             natural_frequency=frequency,
             damping_ratio=damping,
@@ -157,6 +158,21 @@ class CampaignModel:
             response=response,
         )
 
+    def stability(self, prediction: Prediction, offset: Array) -> Stability:
+        """Return the stability of every cut (cut,) at ln(depth) ``offset`` (cut,) from its own depth.
+
+        prediction: of the cuts, whose bearings and modes are taken over.
+        """
+        depth = self.cuts.axial_depth * np.exp(offset)
+        result = without_result(len(depth), max(built.modes.label.max() for built in prediction.structures))
+        for group, built in zip(self.cuts.groups, prediction.structures, strict=True):
+            for setup in group.setups:
+                stages = self.stages(prediction.values, setup.machine)
+                at, plain = depth[setup.points], np.ones(len(setup.points))
+                found = stages.stability(stages.machine, built, setup.speed_index, at, self.method, plain)
+                result.overwrite(setup.points, found)
+        return result
+
     def _changed(self, values: Array, near: Prediction | None) -> set[str]:
         """Return what the parameters touch whose values differ from those nearby."""
         if near is None:
@@ -164,14 +180,15 @@ class CampaignModel:
         return {self.parameters[index].touches for index in np.flatnonzero(values != near.values)}
 
     @cached_property
-    def _cuts(self) -> Cuts:
+    def cuts(self) -> Cuts:
+        """The campaign's cuts, sorted by what they share."""
         return cuts_of(self.campaign)
 
     def _structures(self, values: Array) -> tuple[Structure, ...]:
         structures = []
-        for group in self._cuts.groups:
+        for group in self.cuts.groups:
             stages = self.stages(values, group.machine)
-            count = self._available(self.cut_modes)
+            count = self.available(self.cut_modes)
             structures.append(stages.structure(stages.machine, group.spindle_speed, mode_count=count))
         return tuple(structures)
 
@@ -181,18 +198,18 @@ class CampaignModel:
         if near is not None:
             apart = np.abs(values - near.values) / column(self.parameters, "prior_width")
             known = near.cuts if apart.max() <= NEARBY else None
-        count = len(self._cuts)
+        count = len(self.cuts)
         margin, crossing, frequency = np.full((3, count), np.nan)
         solved = np.zeros(count, dtype=bool)
-        for group, built in zip(self._cuts.groups, structures, strict=True):
+        for group, built in zip(self.cuts.groups, structures, strict=True):
             for setup in group.setups:
                 stages = self.stages(values, setup.machine)
-                found = predict_cuts(stages, self._cuts, setup, built, self.method, known)
+                found = predict_cuts(stages, self.cuts, setup, built, self.method, known)
                 margin[setup.points], crossing[setup.points] = found.margin, found.crossing
                 frequency[setup.points], solved[setup.points] = found.chatter_frequency, found.solved
         return CutPrediction(margin=margin, crossing=crossing, chatter_frequency=frequency, solved=solved)
 
-    def _available(self, most: int) -> int:
+    def available(self, most: int) -> int:
         """Return how many modes of an axis are asked for: ``most``, or all that were measured."""
         tip = self.campaign.machine.tip
         return most if tip is None else min(most, most_modes(tip))
@@ -206,7 +223,7 @@ class CampaignModel:
         speeds = np.unique([one.spindle_speed for one in measured])
         built = kept.response if kept is not None else None
         if built is None:
-            count = self._available(self.receptance_modes)
+            count = self.available(self.receptance_modes)
             built = stages.structure(stages.machine, speeds, mode_count=count)
         sensors = self._sensors(values)
         responses = []
@@ -235,7 +252,7 @@ class CampaignModel:
             return kept.natural_frequency, kept.damping_ratio
         stages = self.stages(values)
         speeds, row = np.unique(measured.spindle_speed, return_inverse=True)
-        count = self._available(int(measured.mode.max()))
+        count = self.available(int(measured.mode.max()))
         modes = stages.structure(stages.machine, speeds, mode_count=count).modes
         # The first axis that has a mode of this number; where none has, the model has no answer.
         alike = modes.label == measured.mode[:, None]

@@ -1,0 +1,250 @@
+"""Where a model fails by more than noise explains, in words: by speed, depth, mode, direction, time and frequency."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from chatter_core.evidence import likelihood
+from chatter_core.evidence.bands import LEAST_CHANCE, Band, conspicuous_bands
+from chatter_core.evidence.campaign import Campaign
+from chatter_core.evidence.columns import NO_WORD
+from chatter_core.evidence.comparison import Compared
+from chatter_core.evidence.fit import Fit
+from chatter_core.evidence.measured import DIRECTIONS, OUTCOMES, Trials
+from chatter_core.evidence.nuisances import TYPICAL_MARGINAL_WIDTH, TYPICAL_MISLABELLED, TYPICAL_OUTCOME_WIDTH
+from chatter_core.evidence.parameters import Array
+from chatter_core.evidence.receptance_bands import Misfit, misfits
+from chatter_core.units import si_factor
+
+#: A datum has failed when it is so improbable, to both sides together.
+IMPROBABLE = 0.05
+#: A band with more than this share of the data is no particular place.
+MOST_OF_ALL = 0.8
+#: A pull beyond this many prior widths is a finding by itself.
+LARGEST_PULL = 3.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failure:
+    """A place where a model fails.
+
+    quantity: what is told wrongly; band: where, by the keys of the tables, with low and high or one value;
+    excess: share of the data there that fail beyond what noise explains, for a receptance that of its norm,
+    for a pull its widths beyond what is plausible; chance: that a right model looks like this; text.
+    """
+
+    quantity: str
+    band: dict[str, object]
+    excess: float
+    chance: float
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Data:
+    """Data of one quantity that can fail in one way.
+
+    which: their rows in the table; failed, probability: (datum,) as a right model has them; what: the data
+    in words, and done: what those that failed did; hence: what that says, "" for nothing more.
+    """
+
+    quantity: str
+    which: NDArray[np.intp]
+    failed: NDArray[np.bool_]
+    probability: Array
+    what: str
+    done: str
+    hence: str = ""
+
+
+def failures(campaign: Campaign, compared: Compared, dominant_mode: Array, fit: Fit | None) -> list[Failure]:
+    """Return where a model fails, the least probable by chance first.
+
+    dominant_mode: (trial,) number of the mode that chatters, as the model has it, 0 where unknown; fit: the
+    calibration, None for a model as described.
+
+    See docs/physics.md#comparison.
+    """
+    found = [*_of_trials(campaign, compared, dominant_mode), *_of_tables(campaign, compared)]
+    found += [_of_response(misfit) for misfit in misfits(campaign, compared.prediction)] if campaign.receptances else []
+    found += _of_pulls(fit) if fit is not None else []
+    return sorted(found, key=lambda failure: (failure.chance, -failure.excess))
+
+
+def _of_trials(campaign: Campaign, compared: Compared, dominant_mode: Array) -> Iterator[Failure]:
+    trials = campaign.trials
+    if trials is None:
+        return
+    places = _places(trials, dominant_mode)
+    for data in [*_labels(trials, compared), *_frequencies(campaign, trials, compared)]:
+        for key, (place, unit) in places.items():
+            yield from _bands(data, key, place, unit)
+    lost = int(np.isnan(compared.prediction.margin).sum())
+    if lost:
+        text = f"The model has no answer for {lost} of {len(trials)} cuts; they count as told wrongly."
+        yield Failure(quantity="outcome", band={}, excess=lost / len(trials), chance=0.0, text=text)
+
+
+def _places(trials: Trials, dominant_mode: Array) -> dict[str, tuple[Array, str]]:
+    """Return where trials lie: key of the table -> values (trial,) in its unit, and the unit in words."""
+    return {
+        "spindle_speed_rpm": (trials.spindle_speed / si_factor("spindle_speed_rpm"), "rpm"),
+        "axial_depth_mm": (trials.axial_depth / si_factor("axial_depth_mm"), "mm"),
+        "trial": (trials.trial.astype(float), ""),
+        "preload_n": (trials.preload, "N"),
+        "radial_immersion": (trials.radial_immersion, ""),
+        "feed_per_tooth_mm": (trials.feed_per_tooth / si_factor("feed_per_tooth_mm"), "mm"),
+        "direction": (np.where(trials.direction == NO_WORD, np.nan, trials.direction), ""),
+        "dominant_mode": (np.where(dominant_mode > 0, dominant_mode, np.nan), ""),
+    }
+
+
+def _labels(trials: Trials, compared: Compared) -> Iterator[_Data]:
+    """Yield cuts that should chatter and did not, and those that should be stable; by the noise that is typical."""
+    margin = compared.prediction.margin
+    probability = likelihood.outcome_probabilities(
+        margin,
+        mislabelled=TYPICAL_MISLABELLED,
+        width=TYPICAL_OUTCOME_WIDTH,
+        marginal_width=TYPICAL_MARGINAL_WIDTH if (trials.outcome == OUTCOMES.index("marginal")).any() else None,
+    )
+    stable, chatter = probability[:, 0], probability[:, -1]
+    told = trials.outcome != OUTCOMES.index("marginal")
+    for should, label, of_label, what, done, hence in (
+        (margin > 0.0, "stable", stable, "that should chatter", "stable", "the boundary lies deeper there"),
+        (margin <= 0.0, "chatter", chatter, "that should be stable", "chattered", "the boundary lies less deep there"),
+    ):
+        which = np.flatnonzero(should & told)
+        yield _Data(
+            quantity="outcome",
+            which=which,
+            failed=trials.outcome[which] == OUTCOMES.index(label),
+            probability=(of_label / (stable + chatter))[which],
+            what=f"cuts {what}",
+            done="were stable" if done == "stable" else done,
+            hence=hence,
+        )
+
+
+def _frequencies(campaign: Campaign, trials: Trials, compared: Compared) -> Iterator[_Data]:
+    """Yield the chatter frequencies that are farther off than one in twenty is."""
+    which = np.flatnonzero(np.isfinite(trials.chatter_frequency))
+    measured, tooth_passing = trials.chatter_frequency[which], campaign.machine.tool.teeth * trials.spindle_speed[which]
+    if not len(which) or not len(compared.prediction.chatter_frequency):
+        return
+    predicted = compared.prediction.chatter_frequency[which]
+    apart = np.abs(likelihood.frequency_residual(measured, predicted, tooth_passing))
+    scale = np.hypot(likelihood.FREQUENCY_SHARE * measured, likelihood.FREQUENCY_FLOOR)
+    far = stats.t.ppf(1.0 - 0.5 * IMPROBABLE, likelihood.FREQUENCY_FREEDOM) * scale
+    elsewhere = likelihood.FREQUENCY_ELSEWHERE * np.clip(1.0 - 2.0 * far / tooth_passing, 0.0, 1.0)
+    yield _Data(
+        quantity="chatter_frequency",
+        which=which,
+        failed=apart > far,
+        probability=(1.0 - likelihood.FREQUENCY_ELSEWHERE) * IMPROBABLE + elsewhere,
+        what="chatter frequencies",
+        done=f"are off by more than noise ({np.median(far) / si_factor('frequency_hz'):.0f} Hz or so)",
+    )
+
+
+def _of_tables(campaign: Campaign, compared: Compared) -> Iterator[Failure]:
+    """Yield where limiting depths, natural frequencies and stiffnesses are off to one side, over speed."""
+    for quantity, table, what in (
+        ("limit_depth", campaign.limits, "limiting depths"),
+        ("natural_frequency", campaign.natural_frequencies, "natural frequencies"),
+        ("bearing_stiffness", campaign.stiffness, "radial stiffnesses"),
+    ):
+        if table is None or quantity not in compared.contributions:
+            continue
+        rows = np.arange(len(table.spindle_speed))
+        # Stiffness: the radial ones stand first, one in each row.
+        standard = compared.contributions[quantity].coordinates[rows, 0]
+        far = stats.norm.ppf(1.0 - 0.5 * IMPROBABLE)
+        for failed, side in ((standard > far, "larger"), (standard < -far, "smaller")):
+            data = _Data(
+                quantity=quantity,
+                which=rows,
+                failed=failed,
+                probability=np.full(len(rows), 0.5 * IMPROBABLE),
+                what=f"measured {what}",
+                done=f"are {side} than predicted by more than noise",
+            )
+            yield from _bands(data, "spindle_speed_rpm", table.spindle_speed / si_factor("spindle_speed_rpm"), "rpm")
+
+
+def _bands(data: _Data, key: str, place: Array, unit: str) -> Iterator[Failure]:
+    """Yield the bands of a place in which data fail; those that lie nowhere are left out.
+
+    Data that fail all over are told once, by their speeds.
+    """
+    at = place[data.which]
+    known = np.isfinite(at)
+    single = key in ("direction", "dominant_mode")
+    for band in conspicuous_bands(at[known], data.failed[known], data.probability[known], single=single):
+        if band.seen > MOST_OF_ALL * known.sum() and key != "spindle_speed_rpm":
+            continue
+        yield Failure(
+            quantity=data.quantity,
+            band={key: _value(key, band)},
+            excess=(band.failed - band.expected) / band.seen,
+            chance=band.chance,
+            text=_sentence(data, band, _where(key, band, unit)),
+        )
+
+
+def _value(key: str, band: Band) -> object:
+    if key == "direction":
+        return DIRECTIONS[int(band.low)]
+    return int(band.low) if key == "dominant_mode" else [band.low, band.high]
+
+
+def _where(key: str, band: Band, unit: str) -> str:
+    """Return the band in words."""
+    if key == "direction":
+        return f"in {DIRECTIONS[int(band.low)]} milling"
+    if key == "dominant_mode":
+        return f"where mode {band.low:.0f} chatters"
+    if key == "trial":
+        return f"from trial {band.low:.0f} to {band.high:.0f}"
+    name = {"preload_n": "preloads", "radial_immersion": "immersions", "feed_per_tooth_mm": "feeds"}.get(key)
+    many = f"{band.low:.5g} to {band.high:.5g}" if band.low < band.high else f"{band.low:.5g}"
+    return f"at {name + ' of ' if name else ''}{many}{' ' + unit if unit else ''}"
+
+
+def _sentence(data: _Data, band: Band, where: str) -> str:
+    hence = f": {data.hence}" if data.hence else ""
+    chance = f"{band.chance:.1g}" if band.chance > LEAST_CHANCE else f"{LEAST_CHANCE:g} at most"
+    return (
+        f"Of {band.seen} {data.what} {where}, {band.failed} {data.done}; noise explains {band.expected:.1f} "
+        f"(chance {chance}){hence}."
+    )
+
+
+def _of_response(misfit: Misfit) -> Failure:
+    return Failure(
+        quantity="receptance",
+        band={"receptance": misfit.response, "frequency_hz": [misfit.low, misfit.high], "mode": misfit.mode},
+        excess=misfit.apart - misfit.expected,
+        chance=misfit.chance,
+        text=misfit.text,
+    )
+
+
+def _of_pulls(fit: Fit) -> Iterator[Failure]:
+    """Yield the parameters that had to go farther than a data sheet or a sensor plausibly errs."""
+    for parameter, estimate, pull in zip(fit.parameters, fit.estimate, fit.pull, strict=True):
+        if abs(pull) > LARGEST_PULL:
+            moved = (
+                f"a factor of {np.exp(estimate):.3g}" if parameter.unit == "ln" else f"{estimate:.3g} {parameter.unit}"
+            )
+            yield Failure(
+                quantity="calibration",
+                band={"parameter": parameter.name},
+                excess=float(abs(pull) - LARGEST_PULL),
+                chance=float(2.0 * stats.norm.sf(abs(pull))),
+                text=f"The fit needs {moved} on {parameter.name}, {abs(pull):.1f} times what is plausible "
+                f"({parameter.doc}): it stands in for something that the model lacks.",
+            )

@@ -1,0 +1,100 @@
+"""Where measured and predicted receptances differ: around each mode of the model."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from chatter_core.evidence import likelihood
+from chatter_core.evidence.bands import CHANCE
+from chatter_core.evidence.campaign import Campaign
+from chatter_core.evidence.measured import Receptance
+from chatter_core.evidence.prediction import Prediction
+from chatter_core.evidence.stages import ComplexArray, Indices
+from chatter_core.units import si_factor
+
+
+@dataclass(frozen=True, kw_only=True)
+class Misfit:
+    """A band of a response that differs by more than noise.
+
+    response in words; mode: whose natural frequency lies in the band; low, high [Hz]; apart: norm of the
+    difference over that of the measured band, and expected: what noise explains; chance: that a right model
+    is as far off in any band of the campaign; text.
+    """
+
+    response: str
+    mode: int
+    low: float
+    high: float
+    apart: float
+    expected: float
+    chance: float
+    text: str
+
+
+def misfits(campaign: Campaign, prediction: Prediction) -> list[Misfit]:
+    """Return the bands of all responses in which measured and predicted differ by more than noise.
+
+    A band around a mode reaches halfway to its neighbours. It holds FACTS_OF_A_PEAK independent numbers.
+
+    See docs/physics.md#comparison.
+    """
+    bands = [
+        (measured, predicted, mode, lines)
+        for measured, predicted in zip(campaign.receptances, prediction.receptances, strict=True)
+        for mode, lines in _bands(measured, prediction)
+    ]
+    found = []
+    for measured, predicted, mode, lines in bands:
+        error = likelihood.line_errors(measured.value)[lines]
+        apart = measured.value[lines] - np.nan_to_num(predicted[lines])
+        # Both parts of a line have that error each.
+        square = float((np.abs(apart / error) ** 2).mean()) / 2.0
+        facts = likelihood.FACTS_OF_A_PEAK
+        chance = min(1.0, len(bands) * float(stats.chi2.sf(facts * square, facts)))
+        if chance < CHANCE:
+            norm = np.linalg.norm(measured.value[lines])
+            share = float(np.linalg.norm(apart) / norm), float(np.linalg.norm(error) * np.sqrt(2.0) / norm)
+            found.append(_misfit(measured, predicted, mode, lines, share, chance))
+    return found
+
+
+def _bands(measured: Receptance, prediction: Prediction) -> Iterator[tuple[int, Indices]]:
+    """Yield mode and lines of each band of a response."""
+    built = prediction.response
+    assert built is not None
+    speed = int(np.searchsorted(built.spindle_speed, measured.spindle_speed))
+    of_axis = np.flatnonzero(built.modes.axis == measured.output_axis)
+    natural = np.sort(built.modes.natural_frequency[speed, of_axis])
+    borders = np.concatenate([[0.0], np.sqrt(natural[1:] * natural[:-1]), [np.inf]])
+    for mode, frequency in enumerate(natural, start=1):
+        lines = np.flatnonzero((measured.frequency >= borders[mode - 1]) & (measured.frequency < borders[mode]))
+        if len(lines) > 1 and measured.frequency[0] <= frequency <= measured.frequency[-1]:
+            yield mode, lines
+
+
+def _misfit(
+    measured: Receptance, predicted: ComplexArray, mode: int, lines: Indices, share: tuple[float, float], chance: float
+) -> Misfit:
+    hertz = measured.frequency[lines] / si_factor("frequency_hz")
+    peaks = [
+        f"{hertz[size.argmax()]:.0f} Hz and {size.max() / si_factor('x_um'):.3g} um/N"
+        for size in (np.abs(measured.value[lines]), np.abs(predicted[lines]))
+    ]
+    text = (
+        f"Receptance {measured}, {hertz[0]:.0f} to {hertz[-1]:.0f} Hz (mode {mode}): measured and predicted differ by "
+        f"{100 * share[0]:.0f} %, noise explains {100 * share[1]:.0f} %; measured peak at {peaks[0]}, predicted at "
+        f"{peaks[1]}."
+    )
+    return Misfit(
+        response=str(measured),
+        mode=mode,
+        low=float(hertz[0]),
+        high=float(hertz[-1]),
+        apart=share[0],
+        expected=share[1],
+        chance=chance,
+        text=text,
+    )

@@ -1,0 +1,175 @@
+"""How far a model is from what was measured, in one number for each quantity, with its interval.
+
+Intervals hold for independent data: cuts at one speed are not quite, and theirs are somewhat too narrow.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from chatter_core.evidence.campaign import Campaign
+from chatter_core.evidence.comparison import Compared, Comparison
+from chatter_core.evidence.likelihood import balanced_error, frequency_residual, outcome
+from chatter_core.evidence.measured import OUTCOMES
+from chatter_core.evidence.parameters import Array
+from chatter_core.evidence.prediction import Prediction
+
+#: Coverage of the intervals.
+COVERAGE = 0.9
+#: Quantity -> unit and meaning of its error.
+ERRORS = {
+    "outcome": ("1", "share of cuts told wrongly, mean of stable cuts and of those with chatter"),
+    "log_loss": ("nat", "mean of -ln(probability) of the labels"),
+    "depth_margin": ("ln", "mean distance in ln(depth) of cuts from the side of the boundary that they belong to"),
+    "chatter_frequency": ("Hz", "median distance to the nearest line of the predicted motion"),
+    "limit_depth": ("ln", "root mean square of ln(measured / predicted limit depth)"),
+    "receptance": ("1", "norm of measured minus predicted over norm of measured, root mean square of the responses"),
+    "natural_frequency": ("ln", "root mean square of ln(measured / predicted)"),
+    "damping_ratio": ("ln", "root mean square of ln(measured / predicted)"),
+    "bearing_stiffness": ("ln", "root mean square of ln(measured / predicted)"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """Error of one quantity; low and high enclose it with COVERAGE, NaN where data are too few; count: of data."""
+
+    value: float
+    low: float
+    high: float
+    count: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """What a model says of the cuts, in the order of the campaign's tables.
+
+    margin and chatter_frequency [rad/s]: (trial,); probability: (trial, category), of the labels; limit_margin:
+    (row,).
+    """
+
+    margin: Array
+    probability: Array
+    chatter_frequency: Array
+    limit_margin: Array
+
+
+def told(comparison: Comparison, values: Array, prediction: Prediction) -> Told:
+    """Return what a prediction says of the cuts.
+
+    See docs/physics.md#comparison.
+    """
+    some = comparison.model.campaign.trials is not None
+    probability = comparison.outcome_probabilities(values, prediction.margin) if some else np.empty((0, 2))
+    return Told(
+        margin=prediction.margin,
+        probability=probability,
+        chatter_frequency=prediction.chatter_frequency,
+        limit_margin=prediction.limit_margin,
+    )
+
+
+def cut_scores(campaign: Campaign, said: Told) -> dict[str, Score]:
+    """Return the scores of what was measured in cuts.
+
+    See docs/physics.md#comparison.
+    """
+    found, trials = {}, campaign.trials
+    if trials is not None:
+        if (trials.outcome != OUTCOMES.index("marginal")).any():
+            found["outcome"] = _outcome_error(trials.outcome, said.margin)
+            found["depth_margin"] = _mean(misplaced(trials.outcome, said.margin))
+        found["log_loss"] = _mean(-outcome(trials.outcome, said.probability).log_density)
+        heard = np.isfinite(trials.chatter_frequency)
+        if heard.any():
+            tooth_passing = campaign.machine.tool.teeth * trials.spindle_speed[heard]
+            apart = frequency_residual(trials.chatter_frequency[heard], said.chatter_frequency[heard], tooth_passing)
+            found["chatter_frequency"] = _median(np.abs(apart) / (2.0 * np.pi))
+    if campaign.limits is not None:
+        found["limit_depth"] = _root_mean_square(said.limit_margin)
+    return found
+
+
+def structure_scores(campaign: Campaign, compared: Compared) -> dict[str, Score]:
+    """Return the scores of what was measured without cutting.
+
+    See docs/physics.md#comparison.
+    """
+    found, prediction = {}, compared.prediction
+    if campaign.receptances:
+        pairs = zip(campaign.receptances, prediction.receptances, strict=True)
+        apart = [np.linalg.norm(one.value - np.nan_to_num(h)) / np.linalg.norm(one.value) for one, h in pairs]
+        found["receptance"] = _root_mean_square(np.array(apart))
+    modes, stiffness = campaign.natural_frequencies, campaign.stiffness
+    if modes is not None:
+        found["natural_frequency"] = _log_error(modes.natural_frequency, prediction.natural_frequency)
+        if np.isfinite(modes.damping_ratio).any():
+            found["damping_ratio"] = _log_error(modes.damping_ratio, prediction.damping_ratio)
+    if stiffness is not None:
+        measured = np.concatenate([stiffness.radial_stiffness, stiffness.axial_stiffness])
+        predicted = np.concatenate([prediction.radial_stiffness, prediction.axial_stiffness])
+        found["bearing_stiffness"] = _log_error(measured, predicted)
+    return found
+
+
+def misplaced(labels: NDArray[np.int8], margin: Array) -> Array:
+    """Return how far each cut (cut,) that is not marginal lies on the wrong side of the boundary, in ln(depth).
+
+    0 where the model is right; NaN margins stay.
+
+    See docs/physics.md#comparison.
+    """
+    stable, chatter = labels == OUTCOMES.index("stable"), labels == OUTCOMES.index("chatter")
+    wrong = np.where(stable, margin, -margin)
+    return np.asarray(np.maximum(wrong, 0.0)[stable | chatter])
+
+
+def _outcome_error(labels: NDArray[np.int8], margin: Array) -> Score:
+    """Return the balanced error; its interval from Wilson's of both shares, whose distances add up as deviations do.
+
+    Source: G. Y. Zou, A. Donner, Stat. Med. 27 (2008) 1693-1702.
+    """
+    value, below, above, classes, count = balanced_error(labels, margin), 0.0, 0.0, 0, 0
+    for name, right in (("stable", margin <= 0.0), ("chatter", margin > 0.0)):
+        of_class = labels == OUTCOMES.index(name)
+        seen = int(of_class.sum())
+        if seen:
+            share = stats.binomtest(int((of_class & ~right).sum()), seen)
+            interval = share.proportion_ci(COVERAGE, method="wilson")
+            below += (share.statistic - interval.low) ** 2
+            above += (interval.high - share.statistic) ** 2
+            classes, count = classes + 1, count + seen
+    return Score(value=value, low=value - below**0.5 / classes, high=value + above**0.5 / classes, count=count)
+
+
+def _mean(data: Array) -> Score:
+    """Return the mean of data (datum,), with Student's interval."""
+    known = data[np.isfinite(data)]
+    value, count = float(known.mean()) if len(known) else np.nan, len(known)
+    half = np.nan
+    if count > 1:
+        half = float(stats.t.ppf(0.5 * (1.0 + COVERAGE), count - 1) * known.std(ddof=1) / np.sqrt(count))
+    return Score(value=value, low=max(value - half, 0.0), high=value + half, count=count)
+
+
+def _median(data: Array) -> Score:
+    """Return the median of data (datum,), with the interval that order statistics give."""
+    interval = stats.quantile_test(data, q=float(np.median(data)), p=0.5).confidence_interval(COVERAGE)
+    return Score(value=float(np.median(data)), low=float(interval.low), high=float(interval.high), count=len(data))
+
+
+def _root_mean_square(data: Array) -> Score:
+    """Return the root mean square of data (datum,), with the chi-square interval of normal ones."""
+    known = data[np.isfinite(data)]
+    count = len(known)
+    value = float(np.sqrt((known**2).mean())) if count else np.nan
+    if not count:
+        return Score(value=np.nan, low=np.nan, high=np.nan, count=0)
+    low, high = value * np.sqrt(count / stats.chi2.ppf([0.5 * (1.0 + COVERAGE), 0.5 * (1.0 - COVERAGE)], count))
+    return Score(value=value, low=float(low), high=float(high), count=count)
+
+
+def _log_error(measured: Array, predicted: Array) -> Score:
+    return _root_mean_square(np.log(measured / predicted))

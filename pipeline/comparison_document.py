@@ -1,0 +1,190 @@
+"""A comparison as data: comparison.json, and a table of the trials."""
+
+import itertools
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from chatter_core.evidence.assessment import Assessment
+from chatter_core.evidence.campaign import Campaign
+from chatter_core.evidence.failures import Failure
+from chatter_core.evidence.measured import OUTCOMES
+from chatter_core.evidence.scores import COVERAGE, ERRORS, Score, Told
+from chatter_core.units import si_factor
+
+#: Correlations that are told, by their size.
+STRONG_CORRELATION = 0.5
+#: Borders of the probabilities of chatter between which it is counted how often cuts chattered.
+PROBABILITIES = (0.0, 0.05, 0.25, 0.75, 0.95, 1.0)
+
+
+def write(found: Assessment, campaign: str, output: Path) -> list[Path]:
+    """Write comparison.json and, where there are trials, trials.csv; return the paths."""
+    paths = [output / "comparison.json"]
+    paths[0].write_text(json.dumps(document(found, campaign), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    if found.comparison.model.campaign.trials is not None:
+        paths.append(output / "trials.csv")
+        trials_table(found).to_csv(paths[1], index=False, float_format="%.6g")
+    return paths
+
+
+def document(found: Assessment, campaign: str) -> dict[str, Any]:
+    """Return everything as plain data; what is not known is null."""
+    fit = found.refitted.fit
+    return {
+        "campaign": campaign,
+        "measured": measured(found.comparison.model.campaign),
+        "coverage_of_intervals": COVERAGE,
+        "held_out_groups": found.held_out_groups,
+        "errors": errors(found),
+        "calibration": calibration(found),
+        "correlations": _correlations(found),
+        "fit": {
+            "converged": fit.converged,
+            "reason": fit.reason,
+            "log_likelihood": fit.log_likelihood,
+            "log_evidence": fit.log_evidence,
+            "evaluations": fit.evaluations,
+        },
+        "reliability": reliability(found),
+        "where_it_fails": {
+            "as_described": [failure_data(one) for one in found.described.failures],
+            "calibrated": [failure_data(one) for one in found.refitted.failures],
+        },
+    }
+
+
+def measured(campaign: Campaign) -> dict[str, Any]:
+    """Return what a campaign holds, in numbers of data."""
+    trials = campaign.trials
+    labels = {} if trials is None else {n: int((trials.outcome == i).sum()) for i, n in enumerate(OUTCOMES)}
+    tables = {"natural_frequencies": campaign.natural_frequencies, "bearing_stiffnesses": campaign.stiffness}
+    return {
+        "trials": labels,
+        "chatter_frequencies": 0 if trials is None else int(np.isfinite(trials.chatter_frequency).sum()),
+        "receptances": [str(one) for one in campaign.receptances],
+        "limit_depths": 0 if campaign.limits is None else len(campaign.limits),
+        **{name: 0 if table is None else len(table.spindle_speed) for name, table in tables.items()},
+    }
+
+
+def errors(found: Assessment) -> dict[str, Any]:
+    """Return the error of each measured quantity, as described, calibrated and on cuts held out."""
+    return {
+        name: {
+            "unit": unit,
+            "meaning": meaning,
+            "as_described": _score(found.described.scores[name]),
+            "calibrated": _score(found.refitted.scores[name]),
+            "held_out": _score(found.held_out_scores.get(name)),
+        }
+        for name, (unit, meaning) in ERRORS.items()
+        if name in found.refitted.scores
+    }
+
+
+def calibration(found: Assessment) -> dict[str, Any]:
+    """Return the parameters with estimate, interval and pull; logarithms of factors as factors, too."""
+    told, fit = {}, found.refitted.fit
+    for index, parameter in enumerate(fit.parameters):
+        limits = found.intervals[parameter.name]
+        values = {"estimate": float(fit.estimate[index]), "low": limits.low, "high": limits.high}
+        told[parameter.name] = {
+            "unit": parameter.unit or "1",
+            "meaning": parameter.doc,
+            **values,
+            **({"factor": {key: float(np.exp(v)) for key, v in values.items()}} if parameter.unit == "ln" else {}),
+            "interval_by": limits.method,
+            "reason": limits.reason,
+            "pull": float(fit.pull[index]),
+            "at_bound": bool(fit.at_bound[index]),
+        }
+    return told
+
+
+def failure_data(failure: Failure) -> dict[str, Any]:
+    """Return a failure as plain data."""
+    return {name: _plain(value) for name, value in vars(failure).items()}
+
+
+def reliability(found: Assessment) -> list[dict[str, Any]]:
+    """Return how often cuts chattered where that had such a probability, on cuts held out where there are some."""
+    trials = found.comparison.model.campaign.trials
+    if trials is None:
+        return []
+    said = found.held_out or found.refitted.told
+    probability, chattered = said.probability[:, -1], trials.outcome == OUTCOMES.index("chatter")
+    rows = []
+    for low, high in itertools.pairwise(PROBABILITIES):
+        inside = (probability >= low) & ((probability < high) | (high == 1.0))
+        if inside.any():
+            rows.append(
+                {
+                    "from": low,
+                    "to": high,
+                    "cuts": int(inside.sum()),
+                    "predicted": float(probability[inside].mean()),
+                    "chattered": float(chattered[inside].mean()),
+                }
+            )
+    return rows
+
+
+def trials_table(found: Assessment) -> pd.DataFrame:
+    """Return every trial with what was measured and what each version of the model says of it."""
+    trials = found.comparison.model.campaign.trials
+    assert trials is not None
+    columns: dict[str, Any] = {
+        "trial": trials.trial,
+        "spindle_speed_rpm": trials.spindle_speed / si_factor("spindle_speed_rpm"),
+        "axial_depth_mm": trials.axial_depth / si_factor("axial_depth_mm"),
+        "outcome": [OUTCOMES[code] for code in trials.outcome],
+        "chatter_frequency_hz": trials.chatter_frequency / si_factor("chatter_frequency_hz"),
+    }
+    versions = {"as_described": found.described.told, "calibrated": found.refitted.told, "held_out": found.held_out}
+    for name, said in versions.items():
+        if said is not None:
+            columns |= _columns(name, said)
+    columns["dominant_mode_calibrated"] = found.refitted.dominant_mode
+    return pd.DataFrame(columns)
+
+
+def _columns(name: str, said: Told) -> dict[str, Any]:
+    return {
+        f"margin_{name}": said.margin,
+        f"probability_chatter_{name}": said.probability[:, -1],
+        f"chatter_frequency_{name}_hz": said.chatter_frequency / si_factor("chatter_frequency_hz"),
+    }
+
+
+def _score(score: Score | None) -> dict[str, Any] | None:
+    return None if score is None else {name: _plain(value) for name, value in vars(score).items()}
+
+
+def _correlations(found: Assessment) -> list[dict[str, Any]]:
+    """Return the pairs of parameters that the data hardly part, the strongest first."""
+    fit = found.refitted.fit
+    first, second = np.triu_indices(len(fit.parameters), k=1)
+    strength = fit.correlation[first, second]
+    kept = [k for k in np.argsort(-np.abs(strength)) if abs(strength[k]) > STRONG_CORRELATION]
+    return [
+        {
+            "between": [fit.parameters[first[k]].name, fit.parameters[second[k]].name],
+            "correlation": float(strength[k]),
+        }
+        for k in kept
+    ]
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON holds it: what is not a number is null."""
+    if isinstance(value, dict):
+        return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(inner) for inner in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value

@@ -1,0 +1,165 @@
+"""A comparison for people: a page, and its gist on a terminal."""
+
+import base64
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, select_autoescape
+
+from chatter_core.evidence.assessment import Assessment
+from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
+from pipeline import comparison_document, comparison_figures
+
+CAPTIONS = {
+    "lobes": "Boundary of stability as described and as calibrated, the latter with the band in which it lies as far as "
+    "its parameters are uncertain; cuts as they were judged, coloured by whether the model tells them right.",
+    "receptances": "Receptance of the tool tip, measured and predicted. Predictions hold the sensor's fitted gain, "
+    "phase and frequency scale.",
+    "residuals": "Above: where the calibrated model puts each cut, as distance from the boundary; below: how far "
+    "measured chatter frequencies lie from the nearest line of the predicted motion.",
+    "pulls": "Parameters of the calibration in widths of what is plausible before measuring. Beyond three the fit "
+    "bends a parameter to stand in for something that the model lacks.",
+}
+#: Failures that are told on a terminal.
+TOLD_FAILURES = 5
+#: Names of the quantities for readers.
+NAMES = {
+    "outcome": "outcome, balanced",
+    "log_loss": "log-loss",
+    "depth_margin": "depth margin",
+    "chatter_frequency": "chatter frequency",
+    "limit_depth": "limit depth",
+    "receptance": "receptance",
+    "natural_frequency": "natural frequency",
+    "damping_ratio": "damping ratio",
+    "bearing_stiffness": "bearing stiffness",
+}
+#: Quantities told in per cent.
+PER_CENT = ("outcome", "depth_margin", "limit_depth", "receptance", "natural_frequency", "damping_ratio",
+            "bearing_stiffness")  # fmt: skip
+
+
+def write(found: Assessment, campaign: str, output: Path) -> list[Path]:
+    """Write data, figures and page of a comparison; return the paths."""
+    written = comparison_document.write(found, campaign, output)
+    pictures = comparison_figures.write(found, output / "figures")
+    page = output / "report.html"
+    environment = Environment(loader=PackageLoader("pipeline"), autoescape=select_autoescape())
+    content = environment.get_template("comparison.html").render(
+        title=f"Model and measurements: {campaign}",
+        subtitle=_measured(found),
+        headlines=headlines(found),
+        columns=["quantity", "as described", "calibrated", "held out", "what it is"],
+        rows=error_rows(found),
+        failures=[
+            ("as described", [failure.text for failure in found.described.failures]),
+            ("calibrated", [failure.text for failure in found.refitted.failures]),
+        ],
+        figures=[
+            {"caption": CAPTIONS[path.stem], "data": base64.b64encode(path.read_bytes()).decode()} for path in pictures
+        ],
+        parameters=_parameter_rows(found),
+        reliability=comparison_document.reliability(found),
+        coverage=f"{100 * COVERAGE:.0f} %",
+        groups=found.held_out_groups,
+        remarks=found.comparison.model.campaign.remarks,
+        fit=found.refitted.fit,
+    )
+    page.write_text(content, encoding="utf-8")
+    return [*written, *pictures, page]
+
+
+def summary(found: Assessment) -> str:
+    """Return the gist as text for a terminal."""
+    lines = ["", _measured(found), ""]
+    widths = (20, 26, 26, 26)
+    header = ("error of", "as described", "calibrated", "held out")
+    for row in [header, *(row[:4] for row in error_rows(found))]:
+        lines.append("".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
+    lines += ["", *headlines(found)]
+    for failure in found.refitted.failures[:TOLD_FAILURES]:
+        lines.append(f"- {failure.text}")
+    more = len(found.refitted.failures) - TOLD_FAILURES
+    if more > 0:
+        lines.append(f"- and {more} more in the report")
+    return "\n".join([*lines, ""])
+
+
+def headlines(found: Assessment) -> list[str]:
+    """Return the gist in sentences."""
+    told = []
+    for name in ("outcome", "receptance"):
+        if name in found.refitted.scores:
+            what = "of the cuts told wrongly" if name == "outcome" else "of the receptances' size not met"
+            before, after = (_percent(v.scores[name].value) for v in (found.described, found.refitted))
+            held = found.held_out_scores.get(name)
+            then = f", {_percent(held.value)} on cuts that were held out" if held is not None else ""
+            told.append(f"{before} {what} by the model as described, {after} once calibrated{then}.")
+    if not found.refitted.fit.converged:
+        told.append(f"The calibration did not converge: {found.refitted.fit.reason}. Take its numbers with care.")
+    if found.comparison.model.campaign.trials is not None and found.held_out is None:
+        told.append("Cuts at three speeds or more are needed to hold some out.")
+    count = len(found.refitted.failures)
+    told.append(
+        "After calibration nothing is left beyond what noise explains."
+        if not count
+        else f"After calibration the model fails beyond what noise explains in {count} ways:"
+    )
+    return told
+
+
+def error_rows(found: Assessment) -> list[list[str]]:
+    """Return a row for each measured quantity: name, errors with intervals, and meaning."""
+    return [
+        [
+            NAMES[name],
+            _shown(name, found.described.scores[name]),
+            _shown(name, found.refitted.scores[name]),
+            _shown(name, found.held_out_scores.get(name)),
+            f"{meaning} ({found.refitted.scores[name].count} data)",
+        ]
+        for name, (_, meaning) in ERRORS.items()
+        if name in found.refitted.scores
+    ]
+
+
+def _measured(found: Assessment) -> str:
+    told = comparison_document.measured(found.comparison.model.campaign)
+    labels = ", ".join(f"{count} {name}" for name, count in told["trials"].items() if count)
+    parts = [f"{sum(told['trials'].values())} cuts ({labels})"] if told["trials"] else []
+    for key, name in (
+        ("chatter_frequencies", "chatter frequencies"),
+        ("receptances", "receptances"),
+        ("limit_depths", "limit depths"),
+        ("natural_frequencies", "natural frequencies"),
+        ("bearing_stiffnesses", "bearing stiffnesses"),
+    ):
+        count = len(told[key]) if isinstance(told[key], list) else told[key]
+        parts += [f"{count} {name}"] if count else []
+    return "Measured: " + ", ".join(parts)
+
+
+def _shown(name: str, score: Score | None) -> str:
+    if score is None:
+        return ""
+    if name in PER_CENT:
+        return f"{_percent(score.value)} ({_percent(score.low)} to {_percent(score.high)})"
+    unit = " Hz" if name == "chatter_frequency" else ""
+    return f"{score.value:.3g}{unit} ({score.low:.3g} to {score.high:.3g})"
+
+
+def _percent(value: float) -> str:
+    return f"{100.0 * value:.1f} %"
+
+
+def _parameter_rows(found: Assessment) -> list[list[str]]:
+    """Return a row for each parameter of the machine and of the trials."""
+    rows: list[list[str]] = []
+    for name, told in comparison_document.calibration(found).items():
+        values: dict[str, Any] = told.get("factor", told)
+        unit = "" if told["unit"] in ("1", "ln") else f" {told['unit']}"
+        interval = f"{values['low']:.4g} to {values['high']:.4g}{unit}"
+        how = told["interval_by"] + (", at its bound" if told["at_bound"] else "")
+        shown = f"{values['estimate']:.4g}{unit}"
+        rows.append([name.replace("_", " "), shown, interval, how, f"{told['pull']:+.2f}", told["meaning"]])
+    return rows

@@ -1,0 +1,139 @@
+"""A calibrated model as a file, model.yaml: what was fitted, how surely, and of which machine."""
+
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from chatter_core.errors import InvalidInput
+from chatter_core.evidence.belief import PRIORS, Belief
+from chatter_core.evidence.fit import Fit
+from chatter_core.evidence.prediction import CampaignModel
+from chatter_core.machine import Machine
+from chatter_core.reading import load_yaml, sentences
+from pipeline.settings import differing_keys
+
+HEAD = """# A calibrated model: the machine that it belongs to, effects, and parameters as they were fitted.
+# Logarithms of factors have the unit ln. Give it to compare or predict as model=FILE.
+"""
+#: Parameters of a response are of its measurement, and say nothing of other cuts.
+OF_A_RESPONSE = "receptance_"
+#: Digits of estimates, and of correlations.
+DIGITS, CORRELATION_DIGITS = 8, 5
+
+
+class FittedParameter(BaseModel):
+    """A parameter of the model."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    name: str = Field(description="name of the parameter")
+    unit: str = Field(description="unit, ln for the logarithm of a factor")
+    estimate: float = Field(description="fitted value")
+    standard_deviation: float = Field(ge=0, description="its standard deviation")
+
+
+class ModelFile(BaseModel):
+    """Content of a model file."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    effects: tuple[str, ...] = Field(description="effects beyond the base model")
+    parameters: tuple[FittedParameter, ...] = Field(max_length=1000, description="fitted parameters")
+    correlation: tuple[tuple[float, ...], ...] = Field(description="how they correlate, a row for each")
+    machine: Machine = Field(description="the machine as described, that the parameters belong to")
+
+    @model_validator(mode="after")
+    def _correlation_is_one(self) -> Self:
+        count = len(self.parameters)
+        if any(len(row) != count for row in self.correlation) or len(self.correlation) != count:
+            raise ValueError(f"correlation: needed {count} rows of {count} numbers, as there are parameters")
+        matrix = np.array(self.correlation).reshape(count, count)
+        if count and (np.abs(matrix - matrix.T).max() > 1e-9 or np.linalg.eigvalsh(matrix).min() < -1e-3):
+            raise ValueError("correlation: the matrix must be symmetric and have no negative eigenvalue")
+        return self
+
+    @property
+    def belief(self) -> Belief:
+        """The parameters as predictions use them."""
+        return Belief(
+            names=tuple(parameter.name for parameter in self.parameters),
+            estimate=np.array([parameter.estimate for parameter in self.parameters]),
+            deviation=np.array([parameter.standard_deviation for parameter in self.parameters]),
+            correlation=np.array(self.correlation).reshape(len(self.parameters), len(self.parameters)),
+        )
+
+
+def write(path: Path, machine: Machine, fit: Fit, effects: tuple[str, ...] = ()) -> None:
+    """Write a fit as a model file."""
+    kept = [i for i, parameter in enumerate(fit.parameters) if not parameter.name.startswith(OF_A_RESPONSE)]
+    parameters = [
+        {
+            "name": fit.parameters[i].name,
+            "unit": fit.parameters[i].unit,
+            "estimate": _rounded(fit.estimate[i], DIGITS),
+            "standard_deviation": _rounded(fit.standard_deviation[i], DIGITS),
+        }
+        for i in kept
+    ]
+    correlation = [[round(float(fit.correlation[i, j]), CORRELATION_DIGITS) for j in kept] for i in kept]
+    content = {
+        "effects": list(effects),
+        "parameters": parameters,
+        "correlation": correlation,
+        "machine": machine.described(),
+    }
+    path.write_text(HEAD + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120), "utf-8")
+
+
+def read(path: Path, machine: Machine) -> ModelFile:
+    """Return the model in a file.
+
+    Raises InvalidInput when it cannot be read or belongs to another machine than the campaign's.
+    """
+    try:
+        found = ModelFile.model_validate(load_yaml(path))
+    except ValidationError as error:
+        raise InvalidInput([f"{path}: {sentence}" for sentence in sentences(error, ModelFile)]) from None
+    differing = differing_keys(found.machine.described(), machine.described())
+    if differing:
+        shown = ", ".join(differing[:6]) + (f" and {len(differing) - 6} more" if len(differing) > 6 else "")
+        raise InvalidInput(
+            [f"{path}: belongs to another machine than the campaign's machine.yaml; they differ in {shown}"]
+        )
+    return found
+
+
+def belief_of(path: Path | None, model: CampaignModel) -> Belief:
+    """Return what a model file says of the parameters of a model, what data sheets leave open without one.
+
+    Raises InvalidInput when the file cannot be read, belongs to another machine, or names a parameter that the
+    model has not, or values that it does not allow.
+    """
+    if path is None:
+        return PRIORS
+    found = read(path, model.campaign.machine)
+    known = {parameter.name: parameter for parameter in model.parameters}
+    problems = []
+    for parameter in found.parameters:
+        own = known.get(parameter.name)
+        if own is None and parameter.name not in OPTIONAL:
+            problems.append(f"{path}: parameters: {parameter.name}: unknown; allowed: {', '.join(known)}")
+        elif own is not None and not own.lower <= parameter.estimate <= own.upper:
+            problems.append(
+                f"{path}: parameters: {parameter.name}: found {parameter.estimate:g} {own.unit}, "
+                f"allowed {own.lower:g} to {own.upper:g}"
+            )
+    if problems:
+        raise InvalidInput(problems)
+    return found.belief
+
+
+#: Parameters that depend on what was measured beside the machine: absent where no label is marginal.
+OPTIONAL = ("marginal_width", "mislabelled", "outcome_width")
+
+
+def _rounded(value: Any, digits: int) -> float:
+    return float(f"{float(value):.{digits}g}")

@@ -1,0 +1,73 @@
+"""What a model says of cuts that are planned: their table, with what is predicted beside it."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from pydantic import Field
+from threadpoolctl import threadpool_limits
+
+from chatter_core.errors import InvalidInput
+from chatter_core.evidence import base_model
+from chatter_core.evidence.campaign import planned_trials
+from chatter_core.evidence.measured import DIRECTIONS, PLANNED, Trials
+from chatter_core.evidence.planned import PlannedCuts, planned_campaign, predict_planned
+from chatter_core.units import si_factor
+from chatter_core.variables import STATUS
+from pipeline.campaigns import CampaignOptions, options_of, read
+from pipeline.configuration import make_folder, sort_words
+
+
+class PredictOptions(CampaignOptions):
+    """What ``predict`` takes."""
+
+    trials: Path = Field(description="table of planned cuts: as stability.csv, but not judged")
+    predictions: Path = Field(description="table to write")
+
+
+def run(words: list[str]) -> int:
+    """Predict planned cuts and write them; return the exit code."""
+    options = options_of(sort_words(words, tuple(PredictOptions.model_fields)), PredictOptions, "predict")
+    assert isinstance(options, PredictOptions)
+    if options.predictions.resolve() == options.trials.resolve():
+        raise InvalidInput([f"predictions: {options.predictions} is the table of trials itself; name another file"])
+    with threadpool_limits(1):
+        known, belief = read(options)
+        trials, order = planned_trials(options.trials, known.campaign.machine)
+        model = base_model(planned_campaign(known.campaign, trials))
+        found = predict_planned(model, belief)
+    make_folder(options.predictions.parent)
+    table(trials, found).iloc[order].to_csv(options.predictions, index=False, float_format="%.8g")
+    failed = int((found.status != STATUS["ok"]).sum())
+    chatter = int((found.margin > 0.0).sum())
+    print(f"{len(trials)} cuts: {chatter} predicted with chatter, {len(trials) - chatter - failed} stable")
+    print(f"written: {options.predictions}")
+    if failed:
+        print(f"error: no result for {failed} cuts; the column status says why", file=sys.stderr)
+    return 1 if failed else 0
+
+
+def table(trials: Trials, found: PlannedCuts) -> pd.DataFrame:
+    """Return the trials' columns, those that they have, and what is predicted."""
+    names = {code: name for name, code in STATUS.items()}
+    columns: dict[str, object] = {}
+    for column in PLANNED.columns:
+        values = getattr(trials, column.name)
+        if column.choices:
+            words = [DIRECTIONS[code] if code >= 0 else "" for code in values]
+            columns |= {column.key: words} if any(words) else {}
+        elif not np.isnan(values).all():
+            columns[column.key] = values if column.whole else values / si_factor(column.key)
+    columns |= trials.unknown
+    outcome = np.where(found.margin > 0.0, "chatter", np.where(np.isnan(found.margin), "", "stable"))
+    return pd.DataFrame(
+        {
+            **columns,
+            "spectral_radius": found.spectral_radius,
+            "predicted_outcome": outcome,
+            "probability_chatter": found.probability_chatter,
+            "predicted_chatter_frequency_hz": found.chatter_frequency / si_factor("x_hz"),
+            "status": [names[code] for code in found.status],
+        }
+    )
