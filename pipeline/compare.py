@@ -56,12 +56,12 @@ def compute(client: Client | None, comparison: Comparison, belief: Belief) -> As
     belief: what is known of the model's parameters before the campaign.
     """
     model = comparison.model
-    start = belief.about(model).estimate
+    before = belief.about(model)
     described, fit = spread(
         client,
         [
             Job(name="model as described", call=partial(as_described, comparison, belief)),
-            Job(name="calibration", call=partial(calibrate, comparison, start=start)),
+            Job(name="calibration", call=partial(calibrate, comparison, start=before.estimate)),
         ],
     )
     known = fitted(fit)
@@ -73,14 +73,16 @@ def compute(client: Client | None, comparison: Comparison, belief: Belief) -> As
             for group in range(groups(model.campaign))
         ],
         "intervals": [Job(name=f"interval of {p}", call=partial(interval, comparison, fit, p)) for p in parameters],
-        "described": [Job(name="lobes as described", call=partial(field, model, belief, kind)) for kind in kinds],
+        "described": [
+            Job(name="lobes as described", call=partial(field, model, before.sure(), kind)) for kind in kinds
+        ],
         "refitted": [Job(name="lobes as calibrated", call=partial(field, model, known, kind)) for kind in kinds],
     }
     answers = iter(spread(client, [job for some in jobs.values() for job in some]))
     parts = {name: [next(answers) for _ in some] for name, some in jobs.items()}
     return assess(
         comparison,
-        described=(described, belief.about(model), parts["described"]),
+        described=(described, before, parts["described"]),
         refitted=(fit, known, parts["refitted"]),
         held_out=parts["held_out"],
         intervals=dict(zip(parameters, parts["intervals"], strict=True)),

@@ -11,7 +11,7 @@ from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
 from pipeline import comparison_document, comparison_figures
 
 CAPTIONS = {
-    "lobes": "Boundary of stability as described and as calibrated, the latter with the band in which it lies as far as "
+    "lobes": "Boundary of stability as described and as calibrated, with the band in which the latter lies as far as "
     "its parameters are uncertain; cuts as they were judged, coloured by whether the model tells them right.",
     "receptances": "Receptance of the tool tip, measured and predicted. Predictions hold the sensor's fitted gain, "
     "phase and frequency scale.",

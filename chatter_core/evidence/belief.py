@@ -1,6 +1,6 @@
 """What is known of a model's parameters: by a fit, by a file, or by nothing but what data sheets leave open."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,6 +33,10 @@ class Belief:
         estimate[here], deviation[here] = self.estimate[there], self.deviation[there]
         correlation[np.ix_(here, here)] = self.correlation[np.ix_(there, there)]
         return Belief(names=names, estimate=estimate, deviation=deviation, correlation=correlation)
+
+    def sure(self) -> "Belief":
+        """Return the same estimates without any doubt about them."""
+        return replace(self, deviation=np.zeros_like(self.deviation))
 
 
 #: Nothing but the priors.

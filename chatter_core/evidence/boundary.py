@@ -40,13 +40,13 @@ class Field:
     deviation: Array
 
 
-def field(model: CampaignModel, belief: Belief, setup: int) -> Field:
+def field(model: CampaignModel, belief: Belief, setup: int, *, speeds: int = SPEEDS, depths: int = DEPTHS) -> Field:
     """Return the field of one setup of the cuts, by its place in ``setups``, with what is known of the parameters.
 
     See docs/physics.md#comparison.
     """
     machine, points = setups(model)[setup]
-    speed, depth = _grid(model, points)
+    speed, depth = _grid(model, points, speeds, depths)
     known = belief.about(model)
     values, deviation = known.estimate, known.deviation
     growth = _growth(model, machine, values, speed, depth)
@@ -81,7 +81,7 @@ def setups(model: CampaignModel) -> list[tuple[Machine, Indices]]:
     return sorted(found, key=lambda one: -len(one[1]))
 
 
-def _grid(model: CampaignModel, points: Indices) -> tuple[Array, Array]:
+def _grid(model: CampaignModel, points: Indices, speeds: int, depths: int) -> tuple[Array, Array]:
     """Return speeds and depths around some cuts."""
     campaign = model.campaign
     tables = [table.spindle_speed for table in (campaign.trials, campaign.limits) if table is not None]
@@ -89,7 +89,7 @@ def _grid(model: CampaignModel, points: Indices) -> tuple[Array, Array]:
     room = SPEED_MARGIN * (speed.max() - speed.min()) or SPEED_MARGIN * speed.max()
     deepest = DEPTH_MARGIN * float(model.cuts.axial_depth[points].max())
     lowest = max(speed.min() - room, 0.5 * speed.min())
-    return np.linspace(lowest, speed.max() + room, SPEEDS), np.linspace(deepest / DEPTHS, deepest, DEPTHS)
+    return np.linspace(lowest, speed.max() + room, speeds), np.linspace(deepest / depths, deepest, depths)
 
 
 def _growth(model: CampaignModel, machine: Machine, values: Array, speed: Array, depth: Array) -> Array:

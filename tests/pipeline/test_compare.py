@@ -1,0 +1,200 @@
+"""The commands ``compare`` and ``predict``: from a campaign's folder to numbers, pictures, a page and a model."""
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from PIL import Image
+from threadpoolctl import threadpool_limits
+
+from chatter_core.evidence import Comparison, base_model, calibrate, read_campaign
+from chatter_core.evidence.failures import failures
+from chatter_core.evidence.likelihood import balanced_error
+from chatter_core.evidence.measured import OUTCOMES
+from pipeline import model_file
+from pipeline.__main__ import main
+
+DATA = Path(__file__).parents[1] / "data"
+CAMPAIGNS = DATA / "campaigns"
+SERIAL = "cluster=serial"
+
+
+@pytest.fixture(scope="module")
+def down_milling(tmp_path_factory):
+    """The comparison with real cuts, down-milling."""
+    output = tmp_path_factory.mktemp("compare") / "r02"
+    assert main(["compare", f"campaign={CAMPAIGNS / 'r02'}", f"output={output}", SERIAL]) == 0
+    return output
+
+
+def table(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def predicted(campaign, trials, output, *words):
+    assert main(["predict", f"campaign={campaign}", f"trials={trials}", f"predictions={output}", *words]) == 0
+    return table(output)
+
+
+def plan(tmp_path, rows, head=("trial", "spindle_speed_rpm", "axial_depth_mm")):
+    file = tmp_path / "plan.csv"
+    with file.open("w", newline="") as stream:
+        csv.writer(stream).writerows([head, *rows])
+    return file
+
+
+@pytest.mark.parametrize(
+    ("name", "least", "most"),
+    # Published for the nominal model of these cuts: 23 of 24 or better, and 16 of 22.
+    [("r01", 23, 24), ("r02", 15, 17)],
+)
+def test_real_cuts_are_told_as_published(tmp_path, name, least, most):
+    rows = table(CAMPAIGNS / name / "stability.csv")
+    file = plan(tmp_path, [[r["trial"], r["spindle_speed_rpm"], r["axial_depth_mm"]] for r in rows])
+    said = {r["trial"]: r["predicted_outcome"] for r in predicted(CAMPAIGNS / name, file, tmp_path / "out.csv")}
+    right = sum(said[r["trial"]] == r["outcome"] for r in rows if r["outcome"] != "marginal")
+    assert least <= right <= most
+
+
+def test_everything_is_written_and_says_the_same(down_milling):
+    document = json.loads((down_milling / "comparison.json").read_text())
+    assert document["measured"]["trials"] == {"stable": 11, "marginal": 5, "chatter": 11}
+    outcome = document["errors"]["outcome"]
+    trials = table(down_milling / "trials.csv")
+    codes = np.array([OUTCOMES.index(row["outcome"]) for row in trials], dtype=np.int8)
+    for version in ("as_described", "calibrated", "held_out"):
+        margin = np.array([float(row[f"margin_{version}"]) for row in trials])
+        assert outcome[version]["value"] == pytest.approx(balanced_error(codes, margin))
+        assert outcome[version]["low"] <= outcome[version]["value"] <= outcome[version]["high"]
+    # Calibration is by the same cuts: it must not be worse on them.
+    assert (
+        document["errors"]["log_loss"]["calibrated"]["value"] < document["errors"]["log_loss"]["as_described"]["value"]
+    )
+    for told in document["calibration"].values():
+        assert told["low"] <= told["estimate"] <= told["high"]
+    assert sum(row["cuts"] for row in document["reliability"]) == len(trials)
+    page = (down_milling / "report.html").read_text()
+    for text in ("Model and measurements: r02", "Where it fails", "Probability of chatter", "held out"):
+        assert text in page
+    for name in ("lobes", "residuals", "pulls"):
+        with Image.open(down_milling / "figures" / f"{name}.png") as picture:
+            assert picture.size[0] > 1000
+    assert not (down_milling / "figures" / "receptances.png").exists()
+
+
+def test_a_written_model_predicts_what_the_comparison_said(down_milling, tmp_path):
+    trials = table(down_milling / "trials.csv")
+    file = plan(tmp_path, [[r["trial"], r["spindle_speed_rpm"], r["axial_depth_mm"]] for r in trials])
+    model = f"model={down_milling / 'model.yaml'}"
+    found = predicted(CAMPAIGNS / "r02", file, tmp_path / "out.csv", model)
+    chatters = [float(row["margin_calibrated"]) > 0.0 for row in trials]
+    assert [row["predicted_outcome"] == "chatter" for row in found] == chatters
+    assert [float(row["spectral_radius"]) > 1.0 for row in found] == chatters
+    assert {row["status"] for row in found} == {"ok"}
+    again = tmp_path / "again"
+    assert main(["compare", f"campaign={CAMPAIGNS / 'r02'}", model, f"output={again}", SERIAL]) == 0
+    # From its own calibration: as described is what it was calibrated to.
+    first, second = (json.loads((f / "comparison.json").read_text())["errors"] for f in (down_milling, again))
+    assert second["outcome"]["as_described"]["value"] == first["outcome"]["calibrated"]["value"]
+
+
+def test_columns_and_order_of_planned_cuts_are_kept(tmp_path):
+    head = ("operator", "trial", "spindle_speed_rpm", "axial_depth_mm", "direction", "radial_immersion")
+    rows = [["Ann", 7, 3600, 2.0, "up", 0.2], ["Bob", 3, 3300, 1.0, "", ""]]
+    found = predicted(CAMPAIGNS / "r02", plan(tmp_path, rows, head), tmp_path / "out.csv")
+    assert [(r["trial"], r["operator"], r["direction"]) for r in found] == [("7", "Ann", "up"), ("3", "Bob", "")]
+    probability = [float(r["probability_chatter"]) for r in found]
+    assert all(0.0 < p < 1.0 for p in probability)
+    assert [bool(r["predicted_chatter_frequency_hz"]) for r in found] == [
+        r["predicted_outcome"] == "chatter" for r in found
+    ]
+
+
+def test_what_cannot_be_computed_is_marked_and_told_by_the_exit_code(tmp_path, capsys):
+    file = plan(tmp_path, [[1, 0.5, 1.0], [2, 3600, 1.0]])
+    output = tmp_path / "out.csv"
+    assert main(["predict", f"campaign={CAMPAIGNS / 'r02'}", f"trials={file}", f"predictions={output}"]) == 1
+    slow, usual = table(output)
+    assert (slow["status"], slow["predicted_outcome"], slow["spectral_radius"]) == ("outside_validity", "", "")
+    assert usual["status"] == "ok"
+    assert "no result for 1 cuts" in capsys.readouterr().err
+
+
+def refused(capsys, *words):
+    assert main(list(words)) == 2
+    said = capsys.readouterr().err
+    assert "Traceback" not in said
+    return said
+
+
+def test_bad_input_is_told_and_leaves_nothing_behind(tmp_path, capsys):
+    campaign, output = f"campaign={CAMPAIGNS / 'r02'}", f"output={tmp_path / 'out'}"
+    assert "campaign: missing" in refused(capsys, "compare", output)
+    assert "no such folder" in refused(capsys, "compare", "campaign=nowhere", output)
+    assert "not for compare" in refused(capsys, "compare", campaign, "grid=smoke", output)
+    assert "not for compare" in refused(capsys, "compare", campaign, "tool.teeth=3", output)
+    file = plan(tmp_path, [[1, 3600, 1.0]])
+    same = refused(capsys, "predict", campaign, f"trials={file}", f"predictions={file}")
+    assert "is the table of trials itself" in same
+    head = plan(tmp_path, [])
+    assert "holds a header and no rows" in refused(capsys, "predict", campaign, f"trials={head}", "predictions=x.csv")
+    wrong = plan(tmp_path, [[1, -3, 1.0]])
+    assert "line 2, column spindle_speed_rpm" in refused(
+        capsys, "predict", campaign, f"trials={wrong}", "predictions=x.csv"
+    )
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_model_of_another_machine_or_with_odd_content_is_refused(tmp_path, capsys, down_milling):
+    model, file = tmp_path / "model.yaml", plan(tmp_path, [[1, 3600, 1.0]])
+    content = yaml.safe_load((down_milling / "model.yaml").read_text())
+
+    def said(change, campaign="r02"):
+        changed = json.loads(json.dumps(content))
+        change(changed)
+        model.write_text(yaml.safe_dump(changed))
+        words = (f"campaign={CAMPAIGNS / campaign}", f"model={model}", f"trials={file}", "predictions=x.csv")
+        return refused(capsys, "predict", *words)
+
+    assert "they differ in process.direction" in said(lambda c: None, "r01")
+    assert "parameters: nonsense: unknown" in said(lambda c: c["parameters"][0].update(name="nonsense"))
+    assert "estimate" in said(lambda c: c["parameters"][0].update(estimate="many"))
+    assert "found 99" in said(lambda c: c["parameters"][0].update(estimate=99.0))
+    assert "correlation" in said(lambda c: c["correlation"].pop())
+    assert "symmetric" in said(lambda c: c["correlation"][0].__setitem__(1, 5.0))
+    assert "machine: missing" in said(lambda c: c.pop("machine"))
+
+
+def test_responses_alone_can_be_compared(tmp_path):
+    campaign = tmp_path / "responses"
+    shutil.copytree(CAMPAIGNS / "d05", campaign)
+    (campaign / "stability.csv").unlink()
+    output = tmp_path / "out"
+    assert main(["compare", f"campaign={campaign}", f"output={output}", SERIAL]) == 0
+    document = json.loads((output / "comparison.json").read_text())
+    assert list(document["errors"]) == ["receptance"]
+    assert document["held_out_groups"] == 0
+    assert document["errors"]["receptance"]["calibrated"]["value"] < 0.1
+    assert not (output / "figures" / "lobes.png").exists()
+    assert not (output / "trials.csv").exists()
+
+
+def test_a_machine_with_nothing_missing_is_told_right_once_calibrated(tmp_path):
+    comparison = Comparison(model=base_model(read_campaign(CAMPAIGNS / "d01")))
+    with threadpool_limits(1):
+        found = calibrate(comparison)
+    # Nothing is left beyond what noise explains.
+    assert failures(comparison.model.campaign, comparison.compare(found.estimate), np.zeros(92), found) == []
+    model_file.write(tmp_path / "model.yaml", comparison.model.campaign.machine, found)
+    rows = table(DATA / "clean_trials" / "d01.csv")
+    file = plan(tmp_path, [[r["trial"], r["spindle_speed_rpm"], r["axial_depth_mm"]] for r in rows])
+    said = predicted(CAMPAIGNS / "d01", file, tmp_path / "out.csv", f"model={tmp_path / 'model.yaml'}")
+    codes = np.array([OUTCOMES.index(row["outcome"]) for row in rows], dtype=np.int8)
+    margin = np.array([1.0 if row["predicted_outcome"] == "chatter" else -1.0 for row in said])
+    # Labels of such simulations agree with linear theory of the true machine in 97 to 100 %.
+    assert balanced_error(codes, margin) <= 0.05

@@ -1,0 +1,70 @@
+"""Bands of failures: few false alarms where failures are chance, and a planted band is found."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from chatter_core.evidence.bands import CHANCE, conspicuous_bands
+
+SETS = 100
+
+
+def drawn(rng, count=80):
+    place = rng.choice(np.linspace(1000.0, 9000.0, 16), count)
+    return place, rng.uniform(0.02, 0.4, count)
+
+
+def test_chance_raises_no_more_alarms_than_stated():
+    alarms = 0
+    for seed in range(SETS):
+        rng = np.random.default_rng(seed)
+        place, probability = drawn(rng)
+        alarms += bool(conspicuous_bands(place, rng.random(len(place)) < probability, probability))
+    # The number of alarms is binomial: more than this happens once in a thousand series.
+    assert alarms <= stats.binom.ppf(0.999, SETS, CHANCE)
+
+
+def test_a_planted_band_is_found_with_its_borders():
+    rng = np.random.default_rng(7)
+    place, probability = drawn(rng)
+    probability[:] = 0.05
+    inside = (place > 3000.0) & (place < 5000.0)
+    failed = np.where(inside, rng.random(len(place)) < 0.9, rng.random(len(place)) < 0.05)
+    band, *more = conspicuous_bands(place, failed, probability)
+    assert not more
+    # Its ends are the outermost places with a raised rate: at most a neighbouring place is added by chance.
+    assert abs(band.low - place[inside].min()) < 600.0
+    assert abs(band.high - place[inside].max()) < 600.0
+    chosen = (place >= band.low) & (place <= band.high)
+    assert (band.seen, band.failed) == (chosen.sum(), failed[chosen].sum())
+    assert band.expected == pytest.approx(0.05 * chosen.sum())
+    assert band.chance == 0.001
+
+
+def test_two_bands_do_not_overlap_and_come_by_weight():
+    place = np.repeat(np.arange(12.0), 10)
+    failed = np.isin(place, [1.0, 2.0, 9.0]) & (np.arange(len(place)) % 10 < 8)
+    found = conspicuous_bands(place, failed, np.full(len(place), 0.05))
+    assert [(band.low, band.high) for band in found] == [(1.0, 2.0), (9.0, 9.0)]
+
+
+def test_names_have_no_neighbours():
+    place = np.repeat(np.arange(5.0), 20)
+    failed = np.isin(place, [1.0, 2.0]) & (np.arange(len(place)) % 2 == 0)
+    found = conspicuous_bands(place, failed, np.full(len(place), 0.05), single=True)
+    assert sorted((band.low, band.high) for band in found) == [(1.0, 1.0), (2.0, 2.0)]
+
+
+def test_many_places_are_joined_to_some_of_like_population():
+    rng = np.random.default_rng(3)
+    place = rng.uniform(0.0, 1.0, 500)
+    failed = (place > 0.4) & (place < 0.6)
+    (band,) = conspicuous_bands(place, failed, np.full(500, 0.03))
+    # One of sixty joined places, 0.017 wide, may hang over at either end.
+    assert abs(band.low - 0.4) < 0.035
+    assert abs(band.high - 0.6) < 0.035
+
+
+def test_nothing_failed_or_one_place_alone_is_no_band():
+    assert conspicuous_bands(np.arange(9.0), np.zeros(9, dtype=bool), np.full(9, 0.1)) == []
+    assert conspicuous_bands(np.ones(9), np.ones(9, dtype=bool), np.full(9, 0.1)) == []

@@ -1,0 +1,138 @@
+"""Where a model fails: silence for a right model, and words with the right place for a wrong one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from chatter_core.evidence import Comparison, base_model
+from chatter_core.evidence.bands import CHANCE
+from chatter_core.evidence.failures import failures
+from chatter_core.evidence.fit import fit
+from chatter_core.evidence.measured import OUTCOMES, Limits, NaturalFrequencies
+from tests.synthetic import RPM, campaign, measured, receptance, tip_machine, trials
+
+SETS = 25
+LINES = np.linspace(300.0, 900.0, 121) * 2.0 * np.pi
+
+
+def planned(rng, count=60):
+    speed = rng.choice(np.linspace(3500.0, 5000.0, 12), count) * RPM
+    return campaign(
+        tip_machine(), trials=trials(speed, rng.uniform(3e-3, 6.5e-3, count)), receptances=(receptance(LINES),)
+    )
+
+
+def told(made, values=None, modes=None):
+    comparison = Comparison(model=base_model(made))
+    compared = comparison.compare(comparison.model.nulls if values is None else values)
+    count = 0 if made.trials is None else len(made.trials)
+    return failures(made, compared, np.ones(count) if modes is None else modes, None)
+
+
+def test_a_right_model_is_told_to_fail_no_more_often_than_chance():
+    ways, alarms = 0, 0
+    for seed in range(SETS):
+        rng = np.random.default_rng(seed)
+        plan = planned(rng)
+        found = told(measured(plan, base_model(plan).nulls, rng))
+        # Three kinds of data over speed, depth and order, and the response around its mode.
+        ways, alarms = ways + 3 * 3 + 1, alarms + len(found)
+    assert alarms <= stats.binom.ppf(0.999, ways, CHANCE)
+
+
+def test_a_boundary_that_lies_deeper_at_some_speeds_is_told_with_them():
+    rng = np.random.default_rng(2)
+    plan = planned(rng, 90)
+    made = measured(plan, base_model(plan).nulls, rng)
+    slow = made.trials.spindle_speed < 4000.0 * RPM
+    quiet = np.where(slow, OUTCOMES.index("stable"), made.trials.outcome).astype(np.int8)
+    first = told(replace(made, trials=replace(made.trials, outcome=quiet)))[0]
+    assert first.quantity == "outcome"
+    low, high = first.band["spindle_speed_rpm"]
+    # Speeds lie 136 rpm apart: the band ends at the last slow one, or a neighbour.
+    assert low < 3640.0
+    assert 3700.0 < high < 4150.0
+    assert first.excess > 0.5
+    assert "cuts that should chatter at" in first.text
+    assert "the boundary lies deeper there" in first.text
+
+
+def test_chatter_frequencies_that_drift_are_told_by_the_order_of_trials():
+    rng = np.random.default_rng(3)
+    plan = planned(rng, 120)
+    made = measured(plan, base_model(plan).nulls, rng)
+    late = np.arange(120) > 70
+    drifted = made.trials.chatter_frequency + np.where(late, 2.0 * np.pi * 40.0, 0.0)
+    found = told(replace(made, trials=replace(made.trials, chatter_frequency=drifted)))
+    texts = [f.text for f in found if f.quantity == "chatter_frequency" and "trial" in f.band]
+    assert len(texts) == 1
+    (band,) = [f.band["trial"] for f in found if f.quantity == "chatter_frequency" and "trial" in f.band]
+    assert 65 <= band[0] <= 80
+    assert band[1] >= 110
+
+
+def test_a_response_that_is_off_is_told_with_its_mode_and_both_peaks():
+    rng = np.random.default_rng(4)
+    plan = planned(rng)
+    model = base_model(plan)
+    off = model.nulls
+    off[[p.name for p in model.parameters].index("tip_frequency")] = np.log(0.95)
+    found = told(replace(measured(plan, off, rng), trials=None))
+    (first,) = found
+    assert first.quantity == "receptance"
+    assert first.band["mode"] == 1
+    # 600 Hz less 5 %, on lines of 5 Hz, against 600 Hz.
+    assert "measured peak at 570 Hz" in first.text
+    assert "predicted at 600 Hz" in first.text
+    assert first.excess > 0.3
+
+
+def test_limits_and_modes_that_are_off_to_one_side_are_told():
+    speed = np.linspace(3500.0, 5000.0, 10) * RPM
+    made = campaign(
+        tip_machine(), limits=Limits(spindle_speed=speed, limit_depth=np.full(10, 5e-3), uncertainty=np.full(10, 1e-4))
+    )
+    comparison = Comparison(model=base_model(made))
+    limit = 5e-3 / np.exp(comparison.compare(comparison.model.nulls).prediction.limit_margin)
+    deeper = replace(made, limits=replace(made.limits, limit_depth=1.2 * limit, uncertainty=0.02 * limit))
+    (found,) = told(deeper)
+    assert "10 are larger than predicted" in found.text
+    modes = NaturalFrequencies(
+        spindle_speed=speed,
+        mode=np.ones(10, dtype=np.int64),
+        natural_frequency=np.full(10, 0.96 * 600.0 * 2.0 * np.pi),
+        damping_ratio=np.full(10, np.nan),
+    )
+    (found,) = told(campaign(tip_machine(), natural_frequencies=modes))
+    assert found.quantity == "natural_frequency"
+    assert "10 are smaller than predicted" in found.text
+
+
+def test_a_parameter_that_is_bent_far_is_a_finding_by_itself():
+    rng = np.random.default_rng(5)
+    plan = planned(rng)
+    model = base_model(plan)
+    bent = model.nulls
+    bent[[p.name for p in model.parameters].index("tip_stiffness")] = 0.6
+    made = measured(plan, bent, rng)
+    comparison = Comparison(model=base_model(made))
+    found = fit(comparison, starts=[bent])
+    compared = comparison.compare(found.estimate)
+    pulls = [f for f in failures(made, compared, np.ones(60), found) if f.quantity == "calibration"]
+    assert [f.band["parameter"] for f in pulls] == ["tip_stiffness"]
+    assert "a factor of 1." in pulls[0].text
+
+
+def test_modes_are_told_one_by_one():
+    rng = np.random.default_rng(6)
+    plan = planned(rng, 90)
+    made = measured(plan, base_model(plan).nulls, rng)
+    modes = np.where(np.arange(90) % 2, 3, 1)
+    quiet = np.where(modes == 3, OUTCOMES.index("stable"), made.trials.outcome).astype(np.int8)
+    found = told(replace(made, trials=replace(made.trials, outcome=quiet)), modes=modes)
+    assert [f.band["dominant_mode"] for f in found if "dominant_mode" in f.band] == [3]
+    assert any("where mode 3 chatters" in f.text for f in found)
+    with pytest.raises(StopIteration):
+        next(f for f in found if f.band.get("dominant_mode") == 1)

@@ -1,0 +1,72 @@
+"""Cuts held out: whole speeds at a time, and told by a calibration that never saw them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from chatter_core.evidence import Comparison, base_model
+from chatter_core.evidence.fit import fit
+from chatter_core.evidence.held_out import GROUPS, groups, held_out, speed_groups, together
+from chatter_core.evidence.measured import OUTCOMES, Limits
+from tests.synthetic import RPM, campaign, measured, receptance, tip_machine, trials
+
+LINES = np.array([570.0, 600.0, 630.0]) * 2.0 * np.pi
+
+
+def planned(rng, speeds=8):
+    speed = rng.choice(np.linspace(3500.0, 5000.0, speeds), 24) * RPM
+    cuts = trials(speed, rng.uniform(3e-3, 6.5e-3, 24))
+    return campaign(tip_machine(), trials=cuts, receptances=(receptance(LINES),))
+
+
+def test_groups_hold_whole_speeds_low_ones_and_high_ones():
+    speed = np.array([3000.0, 3010.0, 3500.0, 4000.0, 4500.0, 5000.0, 5500.0, 6000.0]) * RPM
+    limits = Limits(spindle_speed=speed[3:5], limit_depth=np.full(2, 1e-3), uncertainty=np.full(2, 1e-4))
+    of_trial, of_limit = speed_groups(campaign(tip_machine(), trials=trials(speed, speed * 0 + 1e-3), limits=limits))
+    # 3000 and 3010 rpm are one speed; the seven are dealt in turn.
+    assert of_trial.tolist() == [0, 0, 1, 2, 3, 4, 0, 1]
+    assert of_limit.tolist() == [2, 3]
+
+
+def test_too_few_speeds_are_not_grouped():
+    two = campaign(tip_machine(), trials=trials(np.array([3000.0, 4000.0]) * RPM, [1e-3, 1e-3]))
+    assert groups(two) == 0
+    assert groups(campaign(tip_machine(), receptances=(receptance(LINES),))) == 0
+
+
+def test_what_is_held_out_cannot_know_its_own_labels():
+    rng = np.random.default_rng(5)
+    plan = planned(rng)
+    made = measured(plan, base_model(plan).nulls, rng)
+    of_trial, _ = speed_groups(made)
+    turned = made.trials.outcome.copy()
+    group = 1
+    mine = of_trial == group
+    turned[mine] = OUTCOMES.index("chatter") - turned[mine]
+    other = replace(made, trials=replace(made.trials, outcome=turned))
+    # The start is the same for both, so that nothing but the training labels can make a difference.
+    start = fit(Comparison(model=base_model(made)))
+    one, two = (held_out(Comparison(model=base_model(some)), start, group) for some in (made, other))
+    assert np.array_equal(one.margin[mine], two.margin[mine])
+    assert np.isnan(one.margin[~mine]).all()
+    # The same labels turned elsewhere do make one.
+    elsewhere = made.trials.outcome.copy()
+    some = np.flatnonzero(~mine)[:6]
+    elsewhere[some] = OUTCOMES.index("chatter") - elsewhere[some]
+    third = replace(made, trials=replace(made.trials, outcome=elsewhere))
+    three = held_out(Comparison(model=base_model(third)), start, group)
+    assert not np.allclose(one.margin[mine], three.margin[mine])
+
+
+def test_all_groups_together_tell_every_cut_once():
+    rng = np.random.default_rng(6)
+    plan = planned(rng)
+    made = measured(plan, base_model(plan).nulls, rng)
+    comparison = Comparison(model=base_model(made))
+    start = fit(comparison)
+    assert groups(made) == GROUPS
+    parts = [held_out(comparison, start, group) for group in range(GROUPS)]
+    said = together(parts)
+    assert np.isfinite(said.margin).all()
+    assert np.isfinite(said.probability).all()
+    assert sum(np.isfinite(part.margin) for part in parts).tolist() == [1] * len(said.margin)
