@@ -52,8 +52,8 @@ def write(found: Assessment, campaign: str, output: Path) -> list[Path]:
         columns=["quantity", "as described", "calibrated", "held out", "what it is"],
         rows=error_rows(found),
         failures=[
-            ("as described", [failure.text for failure in found.described.failures]),
-            ("calibrated", [failure.text for failure in found.refitted.failures]),
+            ("Calibrated", [failure.text for failure in found.refitted.failures]),
+            ("As described", [failure.text for failure in found.described.failures]),
         ],
         figures=[
             {"caption": CAPTIONS[path.stem], "data": base64.b64encode(path.read_bytes()).decode()} for path in pictures
