@@ -50,6 +50,18 @@ class Rotor:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Joint:
+    """Border in the rotor that gives: two springs without mass between the faces.
+
+    position: from the tool tip [m]; lateral_compliance [m/N] and rotational_compliance [rad/(N m)], at least 0.
+    """
+
+    position: float
+    lateral_compliance: float
+    rotational_compliance: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class ReducedRotor:
     """Rotor in the mass-orthonormal basis of its reference modes and attachment shapes.
 
@@ -152,29 +164,54 @@ def _rotation_shape(phi: float, length: float) -> Array:
     return np.array([[a, b, -a, b], [b, c, -b, d], [-a, -b, a, -b], [b, d, -b, c]])
 
 
-def assemble(spindle: Spindle, elements_per_rotor: int = ELEMENTS_PER_ROTOR) -> Rotor:
+def assemble(spindle: Spindle, elements_per_rotor: int = ELEMENTS_PER_ROTOR, joints: tuple[Joint, ...] = ()) -> Rotor:
     """Assemble the rotor with a node at every section border, bearing seat and disc.
+
+    joints: at section borders; what sits on such a border sits behind the joint. Joints at one border act in
+    series.
 
     See docs/physics.md#rotor.
     """
     nodes, owner = _mesh(spindle, elements_per_rotor)
-    mass = np.zeros((2 * len(nodes), 2 * len(nodes)))
+    # Freedoms of every node as the element in front of it and as everything behind it sees them.
+    front = np.arange(2 * len(nodes)).reshape(-1, 2)
+    behind, springs = _open_joints(nodes, front, joints)
+    freedoms = 2 * len(nodes) + len(springs)
+    mass = np.zeros((freedoms, freedoms))
     stiffness, gyroscopic = np.zeros_like(mass), np.zeros_like(mass)
-    for index, section in enumerate(owner):
-        place = slice(2 * index, 2 * index + 4)
-        element = beam_element(section, nodes[index + 1] - nodes[index], spindle.beam)
-        for matrix, part in zip((mass, stiffness, gyroscopic), element, strict=True):
-            matrix[place, place] += part
+    elements = [
+        beam_element(section, length, spindle.beam) for section, length in zip(owner, np.diff(nodes), strict=True)
+    ]
+    place = np.concatenate([behind[:-1], front[1:]], axis=1)
+    for matrix, parts in zip((mass, stiffness, gyroscopic), zip(*elements, strict=True), strict=True):
+        np.add.at(matrix, (place[:, :, None], place[:, None, :]), np.array(parts))
+    for one, other, spring in springs:
+        stiffness[[one, other], [one, other]] += spring
+        stiffness[[one, other], [other, one]] -= spring
     for disc in spindle.discs:
-        node = _node_at(nodes, disc.position)
+        across_freedom, slope = behind[_node_at(nodes, disc.position)]
         weight = disc.density * math.pi / 4.0 * (disc.outer_diameter**2 - disc.inner_diameter**2) * disc.width
-        mass[2 * node, 2 * node] += weight
+        mass[across_freedom, across_freedom] += weight
         # A thin-beam rotor has no rotary inertia anywhere else, but a disc's is its own property.
         across = weight * (disc.outer_diameter**2 + disc.inner_diameter**2) / 16.0
-        mass[2 * node + 1, 2 * node + 1] += across + weight * disc.width**2 / 12.0
-        gyroscopic[2 * node + 1, 2 * node + 1] += 2.0 * across
-    seats = np.array([2 * _node_at(nodes, seat.position) for seat in spindle.bearings])
+        mass[slope, slope] += across + weight * disc.width**2 / 12.0
+        gyroscopic[slope, slope] += 2.0 * across
+    seats = np.array([behind[_node_at(nodes, seat.position), 0] for seat in spindle.bearings])
     return Rotor(mass=mass, stiffness=stiffness, gyroscopic=gyroscopic, seats=seats)
+
+
+def _open_joints(
+    nodes: Array, front: NDArray[np.intp], joints: tuple[Joint, ...]
+) -> tuple[NDArray[np.intp], list[tuple[int, int, float]]]:
+    """Return the freedoms (node, 2) behind every node, and springs: two freedoms and a stiffness each."""
+    behind, springs = front.copy(), list[tuple[int, int, float]]()
+    compliance = np.zeros(front.shape)
+    for joint in joints:
+        compliance[_node_at(nodes, joint.position)] += joint.lateral_compliance, joint.rotational_compliance
+    for node, way in np.argwhere(compliance > 0.0):
+        behind[node, way] = front.size + len(springs)
+        springs.append((int(front[node, way]), int(behind[node, way]), float(1.0 / compliance[node, way])))
+    return behind, springs
 
 
 def _mesh(spindle: Spindle, elements_per_rotor: int) -> tuple[Array, list[Section]]:

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from chatter_core.chain import Structure
+from chatter_core.chain import Structure, structure
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.cuts import CutPrediction, Cuts, cuts_of, predict_cuts
@@ -172,7 +172,7 @@ class CampaignModel:
         for group in self._cuts.groups:
             stages = self.stages(values, group.machine)
             count = self._available(self.cut_modes)
-            structures.append(stages.structure(stages.machine, group.spindle_speed, mode_count=count))
+            structures.append(structure(stages, group.spindle_speed, mode_count=count))
         return tuple(structures)
 
     def _predict_cuts(self, values: Array, structures: tuple[Structure, ...], near: Prediction | None) -> CutPrediction:
@@ -207,7 +207,7 @@ class CampaignModel:
         built = kept.response if kept is not None else None
         if built is None:
             count = self._available(self.receptance_modes)
-            built = stages.structure(stages.machine, speeds, mode_count=count)
+            built = structure(stages, speeds, mode_count=count)
         sensors = self._sensors(values)
         responses = []
         for number, one in enumerate(measured):
@@ -236,7 +236,7 @@ class CampaignModel:
         stages = self.stages(values)
         speeds, row = np.unique(measured.spindle_speed, return_inverse=True)
         count = self._available(int(measured.mode.max()))
-        modes = stages.structure(stages.machine, speeds, mode_count=count).modes
+        modes = structure(stages, speeds, mode_count=count).modes
         # The first axis that has a mode of this number; where none has, the model has no answer.
         alike = modes.label == measured.mode[:, None]
         first = alike.argmax(axis=1)
@@ -254,7 +254,7 @@ class CampaignModel:
         for preload in np.unique(measured.preload) if machine.spindle is not None else ():
             rows = np.flatnonzero(measured.preload == preload)
             stages = self.stages(values, machine.with_preload(float(preload)))
-            bearing = stages.structure(stages.machine, measured.spindle_speed[rows], mode_count=1).bearing
+            bearing = structure(stages, measured.spindle_speed[rows], mode_count=1).bearing
             if bearing is not None:
                 radial[rows], axial[rows] = bearing.radial_stiffness, bearing.axial_stiffness
         return radial, axial

@@ -1,6 +1,8 @@
 """The equation that is solved: a linear periodic system with delayed feedback through few outputs.
 
-x'(t) = A x(t) + B sum_l K_l(t) [C x(t) - C x(t - tau_l)],  K_l(t + T) = K_l(t).
+x'(t) = A x(t) + B sum_l K_l(t) [C x(t) - C x(t - tau_l)] + B sum_k D_k(t) C x'(t),
+
+K_l and D_k of period T. A position has no jump, C B = 0, so its velocity is an output as well: C x' = C A x.
 """
 
 from collections.abc import Callable
@@ -122,7 +124,7 @@ class DelayEquation:
 
     system: the linear systems; system_index: (point,), which of them is a point's; period: (point,)
     [s]; breakpoints: (point, breakpoint), the times in [0, period) where a gain is not smooth, at
-    least one.
+    least one; velocity_gain: D_k, on the outputs' velocities.
     """
 
     system: LinearSystem
@@ -130,6 +132,7 @@ class DelayEquation:
     feedback: tuple[DelayedFeedback, ...]
     period: Array
     breakpoints: Array
+    velocity_gain: tuple[Gain, ...] = ()
 
     def __len__(self) -> int:
         return len(self.period)
