@@ -109,6 +109,24 @@ class LinearSystem:
             driven=inverse @ self.input_matrix,
         )
 
+    @cached_property
+    def fastest_pole(self) -> Array:
+        """Largest modulus of a pole (system,) [1/s]."""
+        return np.asarray(np.abs(self.spectrum.poles).max(axis=1))
+
+    @cached_property
+    def seen_with_velocities(self) -> ComplexArray:
+        """What outputs, and their velocities over the fastest pole, see of the half spectrum (system, .., pole).
+
+        Raises UnsupportedEquation when an output has no velocity, because an input makes it jump.
+        """
+        jump = np.abs(self.output_matrix @ self.input_matrix).max()
+        if jump > 0.0:
+            raise UnsupportedEquation("a gain on velocities needs outputs that no input makes jump, C B = 0")
+        half = self.half_spectrum
+        velocity = half.seen * (half.poles / self.fastest_pole[:, None])[:, None, :]
+        return np.concatenate([half.seen, velocity], axis=1)
+
 
 @dataclass(frozen=True, kw_only=True)
 class DelayedFeedback:
