@@ -21,7 +21,7 @@ def plain(
     machine: Any, *, spindle_speed: Any, axial_depth: Any, mode_count: int, modal_parameters: str, **_: Any
 ) -> LobeBlock:
     """Return numbers that depend on every coordinate of a cell and on nothing else."""
-    preload = machine.spindle.preload if machine.spindle else 0.0
+    preload = machine.machine.spindle.preload if machine.machine.spindle else 0.0
     outer = preload + 7.0 * mode_count + (0.5 if modal_parameters == "static" else 0.0)
     cell = np.sin(spindle_speed[:, None] * outer) + 1e3 * axial_depth[None, :]
     line = cell[:, :1] + np.arange(CROSSINGS)
@@ -50,7 +50,7 @@ def slow(machine: Any, **cells: Any) -> LobeBlock:
 
 def _is_bad(machine: Any, cells: dict[str, Any]) -> bool:
     slowest = cells["spindle_speed"].min() / SUFFIXES["rpm"][0]
-    return bool(machine.spindle.preload == BAD_PRELOAD and slowest < BAD_SPEED)
+    return bool(machine.machine.spindle.preload == BAD_PRELOAD and slowest < BAD_SPEED)
 
 
 def without_equilibrium(machine: Any, **cells: Any) -> LobeBlock:
