@@ -16,7 +16,7 @@ class HousingCompliance(Effect):
     The housing's mass is left out: valid below its own first frequency on these springs.
 
     Source: Y. Altintas, Manufacturing Automation, 2nd ed. (2012), chapter 3 (springs in series); Y. Cao,
-    Y. Altintas, J. Mech. Design 126 (2004) 1049-1057 (spindle housings that give).
+    Y. Altintas, J. Mech. Design 126 (2004) 1089-1104 (spindle housings that give).
 
     See docs/physics.md#housing-compliance.
     """
