@@ -107,7 +107,11 @@ def _bearings(
         preload=lambda speed: stages.preload(rotor, speed),
         ring_growth=lambda speed: stages.ring_growth(rotor, speed),
     )
-    path, place = path_to(law.felt(spindle_speed))
+    felt = law.felt(spindle_speed)
+    for joint in stages.joints(rotor):
+        loosens = joint.loosening(spindle_speed) != joint.loosening(np.zeros(1))
+        felt = np.where(loosens, spindle_speed, felt)
+    path, place = path_to(felt)
     return path, place, state_along(machine.bearing, law, path, rotor.preload_type)
 
 
@@ -116,12 +120,12 @@ def _spindle_modes(stages: Stages, path: Array, states: BearingState, mode_count
     described = stages.machine.spindle
     assert described is not None
     rotor = spindle.reduce_rotor(spindle.assemble(described, joints=stages.joints(described)))
-    # As many shapes of the reduction as there are seats carry the rest of the rotor and are no modes.
-    available = len(rotor.tip) - len(rotor.seat)
-    if mode_count > available:
-        raise InvalidInput([f"mode_count: found {mode_count}, allowed at most {available} for this spindle model"])
+    if mode_count > rotor.mode_count:
+        raise InvalidInput(
+            [f"mode_count: found {mode_count}, allowed at most {rotor.mode_count} for this spindle model"]
+        )
     solved = np.flatnonzero(states.solved)
-    modes = spindle.supported_modes(rotor, stages.seat_stiffness(described, states)[solved])
+    modes = spindle.supported_modes(rotor, stages.seat_stiffness(described, states)[solved], path[solved])
     followed, confidence = follow_modes(path[solved], modes.shape, mode_count)
     rows = np.arange(len(solved))[:, None]
     columns = np.full((3, len(path), mode_count), np.nan)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from chatter_core import cutting, floquet, tip
 from chatter_core.bearing import BearingState
 from chatter_core.cutting import CuttingGain, Engagement, ForceCoefficients
+from chatter_core.joint import Joint
 from chatter_core.machine import Machine, Process, Spindle
 from chatter_core.parameters import Array, Parameter
-from chatter_core.spindle import Joint
 from chatter_core.tip import TipModes
 
 ComplexArray = NDArray[np.complex128]

@@ -6,9 +6,9 @@ from typing import Any, ClassVar
 
 from chatter_core.effects._base import Effect, Setting
 from chatter_core.errors import InvalidInput
+from chatter_core.joint import Joint
 from chatter_core.machine import Machine, Spindle
 from chatter_core.parameters import Parameter
-from chatter_core.spindle import Joint
 
 
 @dataclass(frozen=True, kw_only=True)

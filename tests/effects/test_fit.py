@@ -63,8 +63,8 @@ def test_a_fit_sees_the_limit_depths_of_a_sweep(name: str, values: list[float], 
 def test_a_fit_recovers_process_damping_from_limit_depths():
     """Noise-free limit depths of slow and fast cuts, with k_t a tenth too low on the sheet.
 
-    Only the ratio of forces to stiffness is seen here, so the tenth is shared by k_t and the stiffness; the growth of the
-    limit towards low speed is the effect alone.
+    Only the ratio of forces to stiffness is seen here, so the tenth is shared by k_t and the stiffness; the growth of
+    the limit towards low speed is the effect alone.
     """
     machine, speeds = tip_machine(), np.linspace(800.0, 6000.0, 14) * RPM
     (effect,) = variants("process_damping")

@@ -11,9 +11,10 @@ from chatter_core.chain import milling_equation, structure
 from chatter_core.cutting import ForceCoefficients, engagement
 from chatter_core.effects import REFERENCE_SPEED, activate, apply_effects
 from chatter_core.floquet import LinearSystem, MethodSettings, critical_motion
+from chatter_core.joint import Joint
 from chatter_core.lobes import lobe_block
 from chatter_core.machine import Machine
-from chatter_core.spindle import Joint, assemble, direct_receptance
+from chatter_core.spindle import assemble, direct_receptance
 from chatter_core.stability import critical_multipliers
 from chatter_core.tip import receptance
 from tests.conftest import COLLOCATION, milling_benchmark
@@ -98,6 +99,22 @@ def test_a_joint_adds_its_compliance_to_the_tip(reference_machine: Machine, bord
     softer, before = (structure(one, still, mode_count=20).modes for one in (stages, reference_machine))
     gained = np.sum(1.0 / softer.modal_stiffness[0, :20]) - np.sum(1.0 / before.modal_stiffness[0, :20])
     assert gained == pytest.approx(lateral + rotational * place**2, rel=2e-2)  # a few modes are not kept
+
+
+def test_a_drawbar_is_the_holder_joint_of_each_speed(reference_machine: Machine):
+    """At one speed it is a joint of that compliance, which the rotor is reduced with for itself."""
+    stages = model(reference_machine, "drawbar_stiffness", joint="holder/shaft", rotational_compliance_urad_n_m=4.0)
+    for static in (False, True):
+        bearings = "static" if static else "dynamic"
+        found = structure(stages, SPEEDS, mode_count=4, modal_parameters=bearings).modes.natural_frequency
+        for index, speed in enumerate(SPEEDS):
+            compliance = 4.0 * (speed / REFERENCE_SPEED) ** 2
+            values = {"lateral_compliance_um_n": 0.0, "rotational_compliance_urad_n_m": compliance}
+            alone = model(reference_machine, "holder_joint", joint="holder/shaft", **values)
+            expected = structure(alone, SPEEDS[[index]], mode_count=4, modal_parameters=bearings)
+            # At rest it counts as a thousandth of its compliance; else two reductions, good to seven digits.
+            rel = 1e-7 if compliance else 2e-4
+            assert found[index] == pytest.approx(expected.modes.natural_frequency[0], rel=rel)
 
 
 def test_joints_at_one_border_act_in_series(reference_machine: Machine):
