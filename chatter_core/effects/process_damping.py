@@ -23,8 +23,7 @@ class ProcessDamping(Effect):
     in the place of its coefficients. Linear: valid while waves are long and shallow against the flank's
     clearance, that is below amplitudes of some micrometres.
 
-    Source: Y. Altintas, M. Eynian, H. Onozuka, CIRP Ann. 57 (2008) 371-374 (C of steel about 6e5 N/m), with the
-    friction share 0.3 that goes back to Wu.
+    Source: Y. Altintas, M. Eynian, H. Onozuka, CIRP Ann. 57 (2008) 371-374, with 0.3 as the flank's friction.
 
     See docs/physics.md#process-damping.
     """
