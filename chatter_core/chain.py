@@ -2,8 +2,11 @@
 
 Each step hands a frozen value to the next, and knows only the value before it:
 
-    Machine --axisymmetric_state--> BearingState --supported_modes--> TipModes --state_space-->
-    StateSpace --with CuttingGain--> DelayEquation --analyse--> FloquetSolution
+    Machine --bearing_speed, preload, ring_growth--> BearingState --seat_stiffness, joints--> TipModes
+    --tip_modes, cut_modes, linear_system--> LinearSystem
+    Machine --engagement, force_coefficients--> CuttingGain --regeneration--> DelayEquation
+
+The arrows are the functions of ``Stages``. A machine in the place of stages means those of the base model.
 """
 
 from dataclasses import dataclass
@@ -12,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_core import cutting, floquet, spindle, tip
-from chatter_core.bearing import BearingState, axisymmetric_state
+from chatter_core.bearing import BearingState, SpeedLaw, state_along
 from chatter_core.errors import InvalidInput
 from chatter_core.following import follow_modes, path_to
-from chatter_core.machine import Machine, Spindle
+from chatter_core.machine import Machine
+from chatter_core.stages import Stages, stages_of
 from chatter_core.variables import STRUCTURE
 
 Array = NDArray[np.float64]
@@ -26,18 +30,29 @@ class Structure:
     """Everything that depends on spindle speed and preload alone.
 
     spindle_speed: (speed,) [rad/s]; bearing: state of one bearing over speed, None for a machine
-    of measured tip modes; modes: as the tip feels them; solved: (speed,) False where the bearing
-    has no equilibrium, and every value there is NaN.
+    of measured tip modes; modes: as the tip feels them; cut_modes: those that act in the cut; solved:
+    (speed,) False where the bearing has no equilibrium, and every value there is NaN.
     """
 
     spindle_speed: Array
     bearing: BearingState | None
     modes: tip.TipModes
+    cut_modes: tip.TipModes
     solved: NDArray[np.bool_]
+
+    def at(self, speeds: NDArray[np.intp]) -> "Structure":
+        """Return the structure at some of the speeds."""
+        return Structure(
+            spindle_speed=self.spindle_speed[speeds],
+            bearing=None if self.bearing is None else self.bearing.at(speeds),
+            modes=self.modes.at(speeds),
+            cut_modes=self.cut_modes.at(speeds),
+            solved=self.solved[speeds],
+        )
 
 
 def structure(
-    machine: Machine,
+    model: Machine | Stages,
     spindle_speed: Array,
     *,
     mode_count: int,
@@ -54,32 +69,63 @@ def structure(
 
     See docs/physics.md#tool-tip.
     """
-    bearing_speed = spindle_speed if modal_parameters == "dynamic" else np.zeros_like(spindle_speed)
-    bearing, solved = None, np.ones(len(spindle_speed), dtype=bool)
+    stages = stages_of(model)
+    machine, bearing = stages.machine, None
+    solved = np.ones(len(spindle_speed), dtype=bool)
     if machine.tip is not None:
-        modes = tip.measured_modes(machine.tip, bearing_speed, mode_count)
+        measured, measured_at = machine.tip, stages.bearing_speed(spindle_speed, modal_parameters)
+        modes = stages.tip_modes(
+            lambda count: tip.measured_modes(measured, measured_at, count), spindle_speed, mode_count
+        )
     else:
-        assert machine.bearing is not None
-        assert machine.spindle is not None
-        path, place = path_to(bearing_speed)
-        states = axisymmetric_state(machine.bearing, machine.spindle.preload, path, machine.spindle.preload_type)
-        modes = _spindle_modes(machine.spindle, path, states, mode_count).at(place)
+        path, place, states = _bearings(stages, spindle_speed, modal_parameters)
+        modes = stages.tip_modes(
+            lambda count: _spindle_modes(stages, path, states, count).at(place), spindle_speed, mode_count
+        )
         bearing, solved = states.at(place), states.solved[place]
     if mode_selection == "only":
         modes = modes.alone(mode_count)
-    return Structure(spindle_speed=spindle_speed, bearing=bearing, modes=modes, solved=solved)
+    return Structure(
+        spindle_speed=spindle_speed,
+        bearing=bearing,
+        modes=modes,
+        cut_modes=stages.cut_modes(modes, spindle_speed),
+        solved=solved,
+    )
 
 
-def _spindle_modes(described: Spindle, path: Array, states: BearingState, mode_count: int) -> tip.TipModes:
+def _bearings(
+    stages: Stages, spindle_speed: Array, modal_parameters: str
+) -> tuple[Array, NDArray[np.intp], BearingState]:
+    """Return a path of speeds from standstill, the place of each speed on it, and the bearing's state along it."""
+    machine = stages.machine
+    assert machine.bearing is not None
+    assert machine.spindle is not None
+    rotor = machine.spindle
+    law = SpeedLaw(
+        ball_speed=lambda speed: stages.bearing_speed(speed, modal_parameters),
+        preload=lambda speed: stages.preload(rotor, speed),
+        ring_growth=lambda speed: stages.ring_growth(rotor, speed),
+    )
+    felt = law.felt(spindle_speed)
+    for joint in stages.joints(rotor):
+        loosens = joint.loosening(spindle_speed) != joint.loosening(np.zeros(1))
+        felt = np.where(loosens, spindle_speed, felt)
+    path, place = path_to(felt)
+    return path, place, state_along(machine.bearing, law, path, rotor.preload_type)
+
+
+def _spindle_modes(stages: Stages, path: Array, states: BearingState, mode_count: int) -> tip.TipModes:
     """Return the spindle's modes on both axes along a path of speeds, each followed from standstill."""
-    rotor = spindle.reduce_rotor(spindle.assemble(described))
-    # As many shapes of the reduction as there are seats carry the rest of the rotor and are no modes.
-    available = len(rotor.tip) - len(rotor.seat)
-    if mode_count > available:
-        raise InvalidInput([f"mode_count: found {mode_count}, allowed at most {available} for this spindle model"])
-    counts = np.array([seat.count for seat in described.bearings])
+    described = stages.machine.spindle
+    assert described is not None
+    rotor = spindle.reduce_rotor(spindle.assemble(described, joints=stages.joints(described)))
+    if mode_count > rotor.mode_count:
+        raise InvalidInput(
+            [f"mode_count: found {mode_count}, allowed at most {rotor.mode_count} for this spindle model"]
+        )
     solved = np.flatnonzero(states.solved)
-    modes = spindle.supported_modes(rotor, states.radial_stiffness[solved, None] * counts)
+    modes = spindle.supported_modes(rotor, stages.seat_stiffness(described, states)[solved], path[solved])
     followed, confidence = follow_modes(path[solved], modes.shape, mode_count)
     rows = np.arange(len(solved))[:, None]
     columns = np.full((3, len(path), mode_count), np.nan)
@@ -98,7 +144,7 @@ def _spindle_modes(described: Spindle, path: Array, states: BearingState, mode_c
 
 
 def milling_equation(
-    machine: Machine, structure: Structure, speed_index: NDArray[np.intp], axial_depth: Array
+    model: Machine | Stages, structure: Structure, speed_index: NDArray[np.intp], axial_depth: Array
 ) -> floquet.DelayEquation:
     """Return the delay equation of the cut at operating points.
 
@@ -106,31 +152,29 @@ def milling_equation(
 
     See docs/physics.md#delay-equation.
     """
+    stages = stages_of(model)
+    machine, speed = stages.machine, structure.spindle_speed[speed_index]
     gain = cutting.CuttingGain(
         axial_depth=axial_depth,
-        spindle_speed=structure.spindle_speed[speed_index],
+        spindle_speed=speed,
         tool=machine.tool,
-        coefficients=cutting.force_coefficients(machine.cutting, machine.tool),
-        engagement=cutting.engagement(machine.process),
+        coefficients=stages.force_coefficients(machine, speed),
+        engagement=stages.engagement(machine.process),
     )
     used, system_index = np.unique(speed_index, return_inverse=True)
-    space = tip.state_space(structure.modes.at(used))
+    cut = stages.regeneration(gain)
     return floquet.DelayEquation(
-        system=floquet.LinearSystem(
-            state_matrix=space.state_matrix,
-            input_matrix=space.input_matrix,
-            output_matrix=space.output_matrix,
-            known_spectrum=floquet.Spectrum(poles=space.poles, modes=space.eigenvectors, inverse=space.inverse),
-        ),
+        system=stages.linear_system(structure.cut_modes.at(used), structure.spindle_speed[used]),
         system_index=system_index,
-        feedback=(floquet.DelayedFeedback(gain=gain, delay=gain.tooth_period),),
-        period=gain.tooth_period,
-        breakpoints=gain.breakpoints(),
+        feedback=cut.feedback,
+        velocity_gain=cut.velocity_gain,
+        period=cut.period,
+        breakpoints=cut.breakpoints,
     )
 
 
 def structure_variables(
-    machine: Machine, spindle_speed: Array, *, mode_count: int, modal_parameters: str = "dynamic"
+    model: Machine | Stages, spindle_speed: Array, *, mode_count: int, modal_parameters: str = "dynamic"
 ) -> dict[str, Array]:
     """Return the structure as the variables of ``variables.STRUCTURE``, in SI.
 
@@ -139,7 +183,9 @@ def structure_variables(
 
     See docs/physics.md#tool-tip.
     """
-    result = structure(machine, spindle_speed, mode_count=mode_count, modal_parameters=modal_parameters)
+    result = structure(model, spindle_speed, mode_count=mode_count, modal_parameters=modal_parameters)
+    # An effect may have added modes beyond those that were asked for; the table has no row for them.
+    kept = np.flatnonzero(result.modes.label <= mode_count)
     arrays: dict[str, Array] = {}
     for name, variable in STRUCTURE.items():
         trailing = variable.dims[3:]
@@ -148,9 +194,9 @@ def structure_variables(
             arrays[name] = nothing if result.bearing is None else getattr(result.bearing, name)
         elif trailing == ("axis", "mode"):
             table = np.full((len(spindle_speed), 2, mode_count), np.nan)
-            table[:, result.modes.axis, result.modes.label - 1] = getattr(result.modes, name)
+            table[:, result.modes.axis[kept], result.modes.label[kept] - 1] = getattr(result.modes, name)[:, kept]
             arrays[name] = table
         else:
-            first = result.modes.axis == result.modes.axis[0]
+            first = kept[result.modes.axis[kept] == result.modes.axis[0]]
             arrays[name] = getattr(result.modes, name)[:, first]
     return arrays

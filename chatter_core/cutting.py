@@ -27,10 +27,10 @@ SMALLEST_LAG = 1e-200
 
 @dataclass(frozen=True, kw_only=True)
 class ForceCoefficients:
-    """Force per chip area: tangential F_t = tangential b h, radial F_r = radial b h [Pa]."""
+    """Force per chip area: tangential F_t = tangential b h, radial F_r = radial b h [Pa], one number or (point,)."""
 
-    tangential: float
-    radial: float
+    tangential: float | Array
+    radial: float | Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +127,8 @@ class CuttingGain:
             self.lag_angle,
             2.0 * math.pi / self.tool.teeth,
             (self.engagement.entry, self.engagement.exit),
-            (self.coefficients.tangential, self.coefficients.radial),
+            np.full(len(time), self.coefficients.tangential),
+            np.full(len(time), self.coefficients.radial),
             gain.reshape(len(time), -1, 2, 2),
         )
         return gain
@@ -135,14 +136,14 @@ class CuttingGain:
 
 @compiled
 def _add_edges(  # type: ignore[no-untyped-def]
-    time, spindle_speed, axial_depth, lag_angle, pitch, engagement, coefficients, gain
+    time, spindle_speed, axial_depth, lag_angle, pitch, engagement, tangential_coefficient, radial_coefficient, gain
 ):
     """Add up the directional matrices of all edges in the cut at times (point, time)."""
     entry, leave = engagement
-    tangential, radial = coefficients
     first = math.floor(entry / pitch)
     for p in range(len(time)):
         lag, depth = lag_angle[p], axial_depth[p]
+        tangential, radial = tangential_coefficient[p], radial_coefficient[p]
         steep = max(lag, SMALLEST_LAG)
         # An edge is still in the cut after its tip has left.
         last = math.ceil((leave + lag) / pitch)

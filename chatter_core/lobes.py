@@ -12,6 +12,7 @@ from chatter_core.crossings import Crossings, Multipliers, find_crossings
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import Machine
 from chatter_core.stability import Stability, critical_multipliers, evaluate, without_result
+from chatter_core.stages import Stages, stages_of
 from chatter_core.variables import FAILED, STATUS
 
 Array = NDArray[np.float64]
@@ -67,7 +68,7 @@ class LobeBlock:
 
 
 def lobe_block(
-    machine: Machine,
+    model: Machine | Stages,
     *,
     spindle_speed: Array,
     axial_depth: Array,
@@ -88,14 +89,15 @@ def lobe_block(
 
     See docs/physics.md#lobes.
     """
+    stages = stages_of(model)
     built = structure(
-        machine,
+        stages,
         spindle_speed,
         mode_count=mode_count,
         modal_parameters=modal_parameters,
         mode_selection=mode_selection,
     )
-    solver = _Solver(machine=machine, built=built, method=method, refinement=np.ones(len(spindle_speed)))
+    solver = _Solver(stages=stages, built=built, method=method, refinement=np.ones(len(spindle_speed)))
     if cells == "all":
         grid, error = _evaluate_all(solver, axial_depth)
         crossings = _limits_within(solver, axial_depth, grid)
@@ -123,7 +125,7 @@ def lobe_block(
 
 
 def evaluate_to_tolerance(
-    machine: Machine, built: Structure, axial_depth: Array, method: MethodSettings
+    model: Machine | Stages, built: Structure, axial_depth: Array, method: MethodSettings
 ) -> tuple[Stability, Array]:
     """Evaluate one depth (speed,) [m] at each speed of a structure, to the method's tolerance.
 
@@ -133,13 +135,8 @@ def evaluate_to_tolerance(
     """
     results, errors = [], []
     for speed, depth in enumerate(axial_depth):
-        one = replace(
-            built,
-            spindle_speed=built.spindle_speed[[speed]],
-            modes=built.modes.at(np.array([speed])),
-            solved=built.solved[[speed]],
-        )
-        solver = _Solver(machine=machine, built=one, method=method, refinement=np.ones(1))
+        one = built.at(np.array([speed]))
+        solver = _Solver(stages=stages_of(model), built=one, method=method, refinement=np.ones(1))
         stability, error = _evaluate_all(solver, np.array([depth]))
         results.append(stability)
         errors.append(error)
@@ -151,20 +148,20 @@ def evaluate_to_tolerance(
 class _Solver:
     """What evaluates the points of a block; refinement (speed,) of the resolution is raised in place."""
 
-    machine: Machine
+    stages: Stages
     built: Structure
     method: MethodSettings
     refinement: Array
 
     @property
     def modes(self) -> int:
-        return int(self.built.modes.label.max())
+        return int(self.built.cut_modes.label.max())
 
     def evaluate(self, speed: Indices, depth: Array) -> Stability:
-        return evaluate(self.machine, self.built, speed, depth, self.method, self.refinement[speed])
+        return evaluate(self.stages, self.built, speed, depth, self.method, self.refinement[speed])
 
     def multipliers(self, speed: Indices, depth: Array) -> ComplexArray:
-        return critical_multipliers(self.machine, self.built, speed, depth, self.method, self.refinement[speed])
+        return critical_multipliers(self.stages, self.built, speed, depth, self.method, self.refinement[speed])
 
     def error(self, speed: Indices, depth: Array, radius: Array) -> Array:
         """Estimate relative errors of spectral radii (point,).
@@ -178,7 +175,7 @@ class _Solver:
             covering = FINER_ERROR
             finer = self.method.model_copy(update={"tolerance": STRICTER * self.method.tolerance})
         refinement = REFINEMENT_STEP * self.refinement[speed]
-        fine = critical_multipliers(self.machine, self.built, speed, depth, finer, refinement)
+        fine = critical_multipliers(self.stages, self.built, speed, depth, finer, refinement)
         return np.asarray(covering * np.abs(radius / np.abs(fine) - 1.0))
 
     def crossings(self, look: Multipliers, depth: Array, known: ComplexArray, finest: float = np.inf) -> Crossings:
@@ -188,7 +185,7 @@ class _Solver:
             depth,
             known,
             finest=min(FINEST * depth[-1], finest),
-            coarsest=COARSEST * min(cutting.axial_pitch(self.machine.tool), depth[-1]),
+            coarsest=COARSEST * min(cutting.axial_pitch(self.stages.machine.tool), depth[-1]),
             most=CROSSINGS,
         )
 

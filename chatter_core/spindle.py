@@ -20,6 +20,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from chatter_core.errors import InvalidInput
+from chatter_core.joint import Joint, OpenFreedom
 from chatter_core.machine import Damping, Section, Spindle
 
 Array = NDArray[np.float64]
@@ -40,13 +41,14 @@ class Rotor:
     """Assembled rotor without its bearings, one plane; freedoms alternate deflection and slope.
 
     mass, stiffness, gyroscopic: (freedom, freedom) [SI], see ``whirl_frequencies``; seats: freedom
-    of each bearing seat (seat,); the tool tip is freedom 0.
+    of each bearing seat (seat,); the tool tip is freedom 0; joints: where it gives.
     """
 
     mass: Array
     stiffness: Array
     gyroscopic: Array
     seats: NDArray[np.intp]
+    joints: tuple[OpenFreedom, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,18 +56,32 @@ class ReducedRotor:
     """Rotor in the mass-orthonormal basis of its reference modes and attachment shapes.
 
     stiffness [N/m], without the seats, and gyroscopic: (shape, shape); seat: (seat, shape) and tip:
-    (shape,), the deflections of the shapes there.
+    (shape,), the deflections of the shapes there; joint: (joint, shape), how far they open each of ``joints``.
     """
 
     stiffness: Array
     gyroscopic: Array
     seat: Array
     tip: Array
+    joint: Array
+    joints: tuple[OpenFreedom, ...]
 
-    def supported(self, seat_stiffness: Array) -> Array:
-        """Return the stiffness on seats (..., seat) [N/m], as (..., shape, shape)."""
+    @property
+    def mode_count(self) -> int:
+        """Number of modes: as many shapes as there are seats and joints carry the rest of the rotor and are none."""
+        return len(self.tip) - len(self.seat) - len(self.joint)
+
+    def supported(self, seat_stiffness: Array, spindle_speed: Array | None = None) -> Array:
+        """Return the stiffness on seats (..., seat) [N/m], as (..., shape, shape).
+
+        With joints that loosen at spindle speeds (...) [rad/s]; without speeds, as they are stated.
+        """
         on_seats = np.einsum("...s,si,sj->...ij", seat_stiffness, self.seat, self.seat)
-        return np.asarray(self.stiffness + on_seats)
+        if spindle_speed is None or not self.joints:
+            return np.asarray(self.stiffness + on_seats)
+        change = np.stack([joint.change(spindle_speed) for joint in self.joints], axis=-1)
+        on_joints = np.einsum("...s,si,sj->...ij", change, self.joint, self.joint)
+        return np.asarray(self.stiffness + on_seats + on_joints)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,29 +168,57 @@ def _rotation_shape(phi: float, length: float) -> Array:
     return np.array([[a, b, -a, b], [b, c, -b, d], [-a, -b, a, -b], [b, d, -b, c]])
 
 
-def assemble(spindle: Spindle, elements_per_rotor: int = ELEMENTS_PER_ROTOR) -> Rotor:
+def assemble(spindle: Spindle, elements_per_rotor: int = ELEMENTS_PER_ROTOR, joints: tuple[Joint, ...] = ()) -> Rotor:
     """Assemble the rotor with a node at every section border, bearing seat and disc.
+
+    joints: at section borders; what sits on such a border sits behind the joint. Joints at one border act in
+    series.
 
     See docs/physics.md#rotor.
     """
     nodes, owner = _mesh(spindle, elements_per_rotor)
-    mass = np.zeros((2 * len(nodes), 2 * len(nodes)))
+    # Freedoms of every node as the element in front of it and as everything behind it sees them.
+    front = np.arange(2 * len(nodes)).reshape(-1, 2)
+    behind, opened = _open_joints(nodes, front, joints)
+    freedoms = 2 * len(nodes) + len(opened)
+    mass = np.zeros((freedoms, freedoms))
     stiffness, gyroscopic = np.zeros_like(mass), np.zeros_like(mass)
-    for index, section in enumerate(owner):
-        place = slice(2 * index, 2 * index + 4)
-        element = beam_element(section, nodes[index + 1] - nodes[index], spindle.beam)
-        for matrix, part in zip((mass, stiffness, gyroscopic), element, strict=True):
-            matrix[place, place] += part
+    elements = [
+        beam_element(section, length, spindle.beam) for section, length in zip(owner, np.diff(nodes), strict=True)
+    ]
+    place = np.concatenate([behind[:-1], front[1:]], axis=1)
+    for matrix, parts in zip((mass, stiffness, gyroscopic), zip(*elements, strict=True), strict=True):
+        np.add.at(matrix, (place[:, :, None], place[:, None, :]), np.array(parts))
+    for joint in opened:
+        faces = [joint.front, joint.behind]
+        stiffness[faces, faces] += joint.stiffness
+        stiffness[faces, faces[::-1]] -= joint.stiffness
     for disc in spindle.discs:
-        node = _node_at(nodes, disc.position)
+        across_freedom, slope = behind[_node_at(nodes, disc.position)]
         weight = disc.density * math.pi / 4.0 * (disc.outer_diameter**2 - disc.inner_diameter**2) * disc.width
-        mass[2 * node, 2 * node] += weight
+        mass[across_freedom, across_freedom] += weight
         # A thin-beam rotor has no rotary inertia anywhere else, but a disc's is its own property.
         across = weight * (disc.outer_diameter**2 + disc.inner_diameter**2) / 16.0
-        mass[2 * node + 1, 2 * node + 1] += across + weight * disc.width**2 / 12.0
-        gyroscopic[2 * node + 1, 2 * node + 1] += 2.0 * across
-    seats = np.array([2 * _node_at(nodes, seat.position) for seat in spindle.bearings])
-    return Rotor(mass=mass, stiffness=stiffness, gyroscopic=gyroscopic, seats=seats)
+        mass[slope, slope] += across + weight * disc.width**2 / 12.0
+        gyroscopic[slope, slope] += 2.0 * across
+    seats = np.array([behind[_node_at(nodes, seat.position), 0] for seat in spindle.bearings])
+    return Rotor(mass=mass, stiffness=stiffness, gyroscopic=gyroscopic, seats=seats, joints=opened)
+
+
+def _open_joints(
+    nodes: Array, front: NDArray[np.intp], joints: tuple[Joint, ...]
+) -> tuple[NDArray[np.intp], tuple[OpenFreedom, ...]]:
+    """Return the freedoms (node, 2) behind every node, and those in which the rotor gives."""
+    behind, opened = front.copy(), list[OpenFreedom]()
+    for node in sorted({_node_at(nodes, joint.position) for joint in joints}):
+        own = [joint for joint in joints if _node_at(nodes, joint.position) == node]
+        for way in range(2):
+            compliances = [(joint.lateral_compliance, joint.rotational_compliance)[way] for joint in own]
+            parts = tuple((c, joint.loosening) for c, joint in zip(compliances, own, strict=True) if c > 0.0)
+            if parts:
+                behind[node, way] = front.size + len(opened)
+                opened.append(OpenFreedom(front=int(front[node, way]), behind=int(behind[node, way]), parts=parts))
+    return behind, tuple(opened)
 
 
 def _mesh(spindle: Spindle, elements_per_rotor: int) -> tuple[Array, list[Section]]:
@@ -219,8 +263,12 @@ def reduce_rotor(rotor: Rotor, kept_modes: int = KEPT_MODES) -> ReducedRotor:
         raise InvalidInput(
             ["spindle: its stiffness or mass is lost in rounding; is a section far more slender or softer than others?"]
         ) from None
-    unit = np.zeros((len(supported), len(rotor.seats)))
-    unit[rotor.seats, np.arange(len(rotor.seats))] = 1.0
+    seats, faces = len(rotor.seats), np.array([(joint.front, joint.behind) for joint in rotor.joints], dtype=int)
+    front, behind = faces.reshape(-1, 2).T
+    unit = np.zeros((len(supported), seats + len(front)))
+    unit[rotor.seats, np.arange(seats)] = 1.0
+    unit[front, seats + np.arange(len(front))] = 1.0
+    unit[behind, seats + np.arange(len(front))] = -1.0
     attached = scipy.linalg.cho_solve(factor, unit)
     attached -= modes @ (modes.T @ rotor.mass @ attached)
     weights, turn = np.linalg.eigh(attached.T @ rotor.mass @ attached)
@@ -231,17 +279,20 @@ def reduce_rotor(rotor: Rotor, kept_modes: int = KEPT_MODES) -> ReducedRotor:
         gyroscopic=basis.T @ rotor.gyroscopic @ basis,
         seat=basis[rotor.seats],
         tip=basis[0],
+        joint=basis[front] - basis[behind],
+        joints=rotor.joints,
     )
 
 
-def supported_modes(rotor: ReducedRotor, seat_stiffness: Array) -> RotorModes:
+def supported_modes(rotor: ReducedRotor, seat_stiffness: Array, spindle_speed: Array | None = None) -> RotorModes:
     """Solve the supported rotor for several supports at once.
 
-    seat_stiffness: (support, seat) [N/m], every entry positive.
+    seat_stiffness: (support, seat) [N/m], every entry positive; spindle_speed: (support,) [rad/s], at which
+    joints loosen; without it they are as stated.
 
     See docs/physics.md#rotor.
     """
-    squared, shape = np.linalg.eigh(rotor.supported(seat_stiffness))
+    squared, shape = np.linalg.eigh(rotor.supported(seat_stiffness, spindle_speed))
     return RotorModes(
         natural_frequency=np.sqrt(squared), tip_deflection=np.einsum("i,pim->pm", rotor.tip, shape), shape=shape
     )

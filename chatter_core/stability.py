@@ -14,6 +14,7 @@ from chatter_core.chain import Structure, milling_equation
 from chatter_core.floquet import FloquetSolution, MethodSettings, analyse, critical_motion
 from chatter_core.floquet.harmonics import square
 from chatter_core.machine import Machine
+from chatter_core.stages import Stages, stages_of
 from chatter_core.variables import BIFURCATION, STATUS
 
 Array = NDArray[np.float64]
@@ -60,7 +61,7 @@ class Stability:
 
 
 def evaluate(
-    machine: Machine,
+    model: Machine | Stages,
     built: Structure,
     speed_index: NDArray[np.intp],
     axial_depth: Array,
@@ -73,17 +74,18 @@ def evaluate(
 
     See docs/physics.md#lobes.
     """
-    result = without_result(len(axial_depth), int(built.modes.label.max()))
-    candidates, resolved = _candidates(machine, built, speed_index, refinement, result.status)
+    result = without_result(len(axial_depth), int(built.cut_modes.label.max()))
+    stages = stages_of(model)
+    candidates, resolved = _candidates(stages, built, speed_index, refinement, result.status)
     for points in _batches(candidates, resolved, method):
-        equation = milling_equation(machine, built, speed_index[points], axial_depth[points])
+        equation = milling_equation(stages, built, speed_index[points], axial_depth[points])
         solution = analyse(equation, method, refinement[points])
         _fill(result, points, built, speed_index[points], solution)
     return result
 
 
 def critical_multipliers(
-    machine: Machine,
+    model: Machine | Stages,
     built: Structure,
     speed_index: NDArray[np.intp],
     axial_depth: Array,
@@ -95,9 +97,10 @@ def critical_multipliers(
     See docs/physics.md#lobes.
     """
     result = np.full(len(axial_depth), np.nan, dtype=complex)
-    candidates, resolved = _candidates(machine, built, speed_index, refinement, np.zeros(len(result), dtype=np.uint8))
+    stages = stages_of(model)
+    candidates, resolved = _candidates(stages, built, speed_index, refinement, np.zeros(len(result), dtype=np.uint8))
     for points in _batches(candidates, resolved, method):
-        equation = milling_equation(machine, built, speed_index[points], axial_depth[points])
+        equation = milling_equation(stages, built, speed_index[points], axial_depth[points])
         critical = critical_motion(equation, method, refinement[points])
         result[points] = np.where(critical.converged, critical.multiplier, np.nan)
     return result
@@ -119,13 +122,13 @@ def without_result(points: int, modes: int, status: int = 0) -> Stability:
 
 
 def _candidates(
-    machine: Machine, built: Structure, speed_index: NDArray[np.intp], refinement: Array, status: NDArray[np.uint8]
+    stages: Stages, built: Structure, speed_index: NDArray[np.intp], refinement: Array, status: NDArray[np.uint8]
 ) -> tuple[NDArray[np.intp], Array]:
     """Return the points that can be analysed and their waves, ascending; the others get their status.
 
     Points of like resolution stand together, for a batch is as fine as its finest point.
     """
-    waves = _waves(machine, built)[speed_index]
+    waves = _waves(stages.machine, built)[speed_index]
     possible = built.solved[speed_index] & (waves <= MOST_WAVES)
     resolved = waves * refinement
     status[~possible] = STATUS["outside_validity"]
@@ -139,7 +142,7 @@ def _waves(machine: Machine, built: Structure) -> Array:
     """Return the waves of the fastest mode in a tooth period (speed,); NaN where nothing is known."""
     with np.errstate(divide="ignore"):
         period = 2.0 * np.pi / (machine.tool.teeth * built.spindle_speed)
-    return np.asarray(built.modes.natural_frequency.max(axis=1) * period / (2.0 * np.pi))
+    return np.asarray(built.cut_modes.natural_frequency.max(axis=1) * period / (2.0 * np.pi))
 
 
 def _batches(candidates: NDArray[np.intp], waves: Array, method: MethodSettings) -> Iterator[NDArray[np.intp]]:
@@ -184,7 +187,7 @@ def _mode_share(
     built: Structure, speed: NDArray[np.intp], exponent: NDArray[np.complex128], state: NDArray[np.complex128]
 ) -> Array:
     """Return each mode's share of kinetic and potential energy, summed over harmonics and axes (point, mode)."""
-    modes = built.modes
+    modes = built.cut_modes
     displacement = square(state[..., : len(modes)])
     kinetic = (square(exponent)[:, None, :] @ displacement)[:, 0]
     potential = modes.natural_frequency[speed] ** 2 * displacement.sum(axis=1)

@@ -15,6 +15,7 @@ SUFFIXES: dict[str, tuple[float, str]] = {
     "n": (1.0, "N"),
     "n_um": (1e6, "N/um"),
     "um_n": (1e-6, "um/N"),
+    "urad_n_m": (1e-6, "urad/(N m)"),
     "n_m": (1.0, "N m"),
     "kg_m3": (1.0, "kg/m3"),
     "1_s": (1.0, "1/s"),

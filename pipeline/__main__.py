@@ -1,10 +1,12 @@
 """Command line: ``python -m pipeline VERB key=value ...``."""
 
 import sys
+import textwrap
 from collections.abc import Callable
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
+from chatter_core.effects import effect_names
 from chatter_core.errors import ChatterError, InvalidInput
 from chatter_core.reading import nearest
 from pipeline.configuration import groups
@@ -35,6 +37,7 @@ examples
   python -m pipeline sweep machine=path/to/machine.yaml study=smoke output=my_results
   python -m pipeline point spindle_speed_rpm=12000 axial_depth_mm=1
   python -m pipeline point machine=path/to/machine.yaml spindle_speed_rpm=12000 axial_depth_mm=1 format=json
+  python -m pipeline point spindle_speed_rpm=3000 axial_depth_mm=2 'effects=[process_damping]'
   python -m pipeline identify frf=path/to/frf.csv machine=path/to/machine.yaml output=machine_tip.yaml
   python -m pipeline identify campaign=my_campaign output=machine_tip.yaml
   python -m pipeline template output=my_campaign
@@ -45,10 +48,13 @@ examples
 groups and their choices
 {groups}
 
+effects, with the values of configs/effects; one is changed by effects.NAME.KEY=VALUE
+{effects}
+
 options of verbs
-  sweep     output=DIR, retry_failed=true
+  sweep     output=DIR, retry_failed=true, effects=[NAME,...], base=full|static_bearing
   point     spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static,
-            format=text|json, output=DIR
+            format=text|json, output=DIR, effects=[NAME,...], base=full|static_bearing
   compare   campaign=DIR, model=FILE.yaml, output=DIR
   predict   campaign=DIR, model=FILE.yaml, trials=FILE.csv, predictions=FILE.csv
   identify  frf=FILE.csv|FILE.uff or campaign=DIR, modes, lowest_frequency_hz, highest_frequency_hz,
@@ -118,7 +124,8 @@ def _version() -> str:
 def _help() -> str:
     verbs = "\n".join(f"  {name:10}{doc}" for name, doc in VERBS.items())
     choices = "\n".join(f"  {name:8} {', '.join(found)}" for name, found in groups().items())
-    return HELP.format(verbs=verbs, groups=choices)
+    effects = textwrap.fill(", ".join(effect_names()), 100, initial_indent="  ", subsequent_indent="  ")
+    return HELP.format(verbs=verbs, groups=choices, effects=effects)
 
 
 if __name__ == "__main__":

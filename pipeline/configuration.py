@@ -16,6 +16,7 @@ from omegaconf import OmegaConf
 from pydantic import ValidationError
 
 import configs
+from chatter_core.effects import effect_names
 from chatter_core.errors import InvalidInput
 from chatter_core.reading import load_value, load_yaml, nearest, sentences, shown
 from pipeline.settings import Settings
@@ -23,6 +24,10 @@ from pipeline.settings import Settings
 CONFIGS = Path(next(iter(configs.__path__)))
 #: Parts of a machine, each a key at the root of the config and in a machine.yaml.
 MACHINE_KEYS = ("bearing", "spindle", "tip", "tool", "cutting", "process")
+#: Folder with the configured values of every effect: no group, since effects add up.
+EFFECTS = "effects"
+#: Base models by name, and where they take the bearings' stiffness.
+BASES = {"full": "dynamic", "static_bearing": "static"}
 #: A name or an index in a dotted key.
 _KEY_PART = re.compile(r"([A-Za-z0-9_]+)|\[([0-9]{1,9})\]")
 
@@ -49,7 +54,7 @@ def groups() -> dict[str, list[str]]:
     return {
         folder.name: sorted(file.stem for file in folder.glob("*.yaml"))
         for folder in sorted(CONFIGS.iterdir())
-        if folder.is_dir() and any(folder.glob("*.yaml"))
+        if folder.is_dir() and folder.name != EFFECTS and any(folder.glob("*.yaml"))
     }
 
 
@@ -114,7 +119,12 @@ def compose_settings(words: Words) -> Settings:
     if words.name_the_preload:
         # It takes the place of a shipped grid's list, which would hide it.
         data["grid"].pop("preload_n", None)
+    named = named_effects(words.options.get(EFFECTS, "[]"))
+    data[EFFECTS] = {name: load_yaml(CONFIGS / EFFECTS / f"{name}.yaml") for name in named}
     data = _with_values(data, words.values)
+    off = [name for name in data[EFFECTS] if name not in named]
+    if off:
+        raise InvalidInput([f"effects.{name}: the effect is not on; say effects=[{name}]" for name in off])
     roots = [*MACHINE_KEYS, *(key for key in Settings.model_fields if key != "machine")]
     problems = [f"{key}: unknown key; {nearest(key, roots)}" for key in data if key not in roots]
     machine = {key: data[key] for key in MACHINE_KEYS if data.get(key) is not None}
@@ -126,6 +136,39 @@ def compose_settings(words: Words) -> Settings:
     if problems:
         raise InvalidInput(problems)
     return settings
+
+
+def named_effects(text: str) -> list[str]:
+    """Return the effects that ``effects=[a,b]`` names.
+
+    Raises InvalidInput for what is no list of names, for an unknown one, with the nearest, and for one named twice.
+    """
+    try:
+        found = load_value(text)
+    except ValueError:
+        found = None
+    names = [found] if isinstance(found, str) else found
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise InvalidInput([f"effects: found {shown(text)}, allowed: a list of names, effects=[a,b]"])
+    problems = [
+        f"effects: found {name!r}; {nearest(name, list(effect_names()))}"
+        for name in names
+        if name not in effect_names()
+    ]
+    problems += [f"effects: {name} stands twice" for name in sorted(set(names)) if names.count(name) > 1]
+    if problems:
+        raise InvalidInput(problems)
+    return names
+
+
+def modal_parameters_of(base: str) -> str:
+    """Return where the base model of ``base=NAME`` takes the bearings' stiffness.
+
+    Raises InvalidInput for an unknown name.
+    """
+    if base not in BASES:
+        raise InvalidInput([f"base: found {base!r}; {nearest(base, list(BASES))}"])
+    return BASES[base]
 
 
 def _as_written(sentence: str, machine_file: Path | None) -> str:

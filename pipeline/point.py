@@ -15,10 +15,11 @@ from chatter_core.floquet import MethodSettings
 from chatter_core.lobes import evaluate_to_tolerance, lobe_block
 from chatter_core.machine import LEAST_PRELOAD, MOST_PRELOAD, Machine
 from chatter_core.reading import sentences
+from chatter_core.stages import Stages, stages_of
 from chatter_core.tip import AXES, most_modes
 from chatter_core.units import si_factor
 from chatter_core.variables import BIFURCATION, STATUS
-from pipeline.configuration import compose_settings, make_folder, sort_words
+from pipeline.configuration import EFFECTS, compose_settings, make_folder, modal_parameters_of, sort_words
 
 #: Modes kept on each axis of a spindle unless told otherwise.
 USUAL_MODES = 4
@@ -42,9 +43,12 @@ class PointOptions(BaseModel):
 
 def run(words: list[str]) -> int:
     """Answer one operating point; return the exit code."""
-    sorted_words = sort_words(words, tuple(PointOptions.model_fields))
+    sorted_words = sort_words(words, (*PointOptions.model_fields, EFFECTS, "base"))
+    own = {key: value for key, value in sorted_words.options.items() if key not in (EFFECTS, "base")}
+    if "base" in sorted_words.options:
+        own["modal_parameters"] = modal_parameters_of(sorted_words.options["base"])
     try:
-        options = PointOptions.model_validate(sorted_words.options)
+        options = PointOptions.model_validate(own)
     except ValidationError as error:
         raise InvalidInput(sentences(error, PointOptions)) from None
     settings = compose_settings(sorted_words)
@@ -56,7 +60,7 @@ def run(words: list[str]) -> int:
     if options.output is not None:
         make_folder(options.output)
     try:
-        answer = answer_point(machine, options, settings.method, settings.grid.axial_depth_mm.points())
+        answer = answer_point(settings.model(machine), options, settings.method, settings.grid.axial_depth_mm.points())
     except InvalidInput as error:
         # The chain speaks of mode_count, which is called modes here.
         raise InvalidInput([problem.replace("mode_count:", "modes:", 1) for problem in error.problems]) from None
@@ -71,19 +75,21 @@ def run(words: list[str]) -> int:
 
 
 def answer_point(
-    machine: Machine, options: PointOptions, method: MethodSettings, depths_mm: np.ndarray
+    model: Machine | Stages, options: PointOptions, method: MethodSettings, depths_mm: np.ndarray
 ) -> dict[str, Any]:
     """Return what is known of an operating point, in the units of the keys.
 
     Limit depths are looked for down to the last of ``depths_mm``.
     """
+    stages = stages_of(model)
+    machine = stages.machine
     speed = np.array([options.spindle_speed_rpm * si_factor("spindle_speed_rpm")])
     depth = np.array([options.axial_depth_mm * si_factor("axial_depth_mm")])
     count = options.modes or (USUAL_MODES if machine.tip is None else most_modes(machine.tip))
-    built = structure(machine, speed, mode_count=count, modal_parameters=options.modal_parameters)
-    stability, error = evaluate_to_tolerance(machine, built, depth, method)
+    built = structure(stages, speed, mode_count=count, modal_parameters=options.modal_parameters)
+    stability, error = evaluate_to_tolerance(stages, built, depth, method)
     block = lobe_block(
-        machine,
+        stages,
         spindle_speed=speed,
         axial_depth=depths_mm * si_factor("axial_depth_mm"),
         mode_count=count,

@@ -8,8 +8,11 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from chatter_core.effects import activate, apply_effects
+from chatter_core.errors import InvalidInput
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import LEAST_PRELOAD, MOST_PRELOAD, Machine, no_truth_value
+from chatter_core.stages import Stages
 from chatter_core.variables import MODAL_PARAMETERS
 
 #: Raised when the meaning of what a store holds changes.
@@ -154,6 +157,17 @@ class Settings(Part):
     grid: Grid = Field(description="grid of a sweep")
     method: MethodSettings = Field(description="method of Floquet analysis")
     cluster: Cluster = Field(description="where the chunks are computed")
+    effects: dict[str, dict[str, Any]] = Field(
+        default={}, description="effects that are on, each with the values of its parameters and settings"
+    )
+
+    @model_validator(mode="after")
+    def _effects_fit_the_machine(self) -> Self:
+        try:
+            self.model(self.machine)
+        except InvalidInput as error:
+            raise ValueError("; ".join(error.problems)) from None
+        return self
 
     @model_validator(mode="after")
     def _preload_belongs_to_a_spindle(self) -> Self:
@@ -171,6 +185,10 @@ class Settings(Part):
             return self.grid.preload_n.points()
         return np.array([self.machine.spindle.preload if self.machine.spindle else 0.0])
 
+    def model(self, machine: Machine) -> Stages:
+        """Return the stages of a machine with the effects that are on."""
+        return model_with(machine, self.effects)
+
     def scientific(self) -> dict[str, Any]:
         """Return what the numbers of a run depend on, as plain data."""
         return {
@@ -178,12 +196,27 @@ class Settings(Part):
             "machine": self.machine.described(),
             "grid": self.grid.model_dump(mode="json", exclude_none=True),
             "method": self.method.model_dump(mode="json", exclude_none=True),
+            # Without effects nothing is said of them: a study of the base model stays what it was.
+            **({"effects": self.effects} if self.effects else {}),
         }
 
     def fingerprint(self) -> str:
         """Return a digest of the scientific settings."""
         canonical = json.dumps(self.scientific(), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def model_with(machine: Machine, effects: dict[str, dict[str, Any]]) -> Stages:
+    """Return the stages of a machine with effects; raise InvalidInput with every finding."""
+    active, problems = [], []
+    for name, values in effects.items():
+        try:
+            active.append(activate(name, values))
+        except InvalidInput as error:
+            problems += error.problems
+    if problems:
+        raise InvalidInput(problems)
+    return apply_effects(machine, active)
 
 
 def _listed(points: np.ndarray) -> str:

@@ -121,7 +121,7 @@ def _structure(settings: Settings, values: dict[str, np.ndarray]) -> dict[str, n
         for j, preload in enumerate(values["preload"]):
             machine = settings.machine.with_preload(float(preload)) if settings.machine.spindle else settings.machine
             found = structure_variables(
-                machine, speed, mode_count=int(values["mode_count"][-1]), modal_parameters=parameters
+                settings.model(machine), speed, mode_count=int(values["mode_count"][-1]), modal_parameters=parameters
             )
             for name, array in found.items():
                 arrays[name][i, j] = array / STRUCTURE[name].si_factor

@@ -26,13 +26,13 @@ from chatter_core.errors import InvalidInput
 from chatter_core.variables import FAILED, STATUS, WITH_RESULT
 from pipeline import report, store
 from pipeline.cluster import WORKER_PATIENCE, open_client, worker_count
-from pipeline.configuration import compose_settings, make_folder, sort_words
+from pipeline.configuration import EFFECTS, compose_settings, make_folder, modal_parameters_of, sort_words
 from pipeline.errors import StorageFailed, StoreInUse, WorkersLost
 from pipeline.progress import Journal, Meter
 from pipeline.settings import Settings, differing_keys
 from pipeline.task import KERNEL, Record, Task, compute_chunk, compute_point
 
-OPTIONS = ("output", "retry_failed")
+OPTIONS = ("output", "retry_failed", EFFECTS, "base")
 #: Tasks handed out beyond those being computed, for each worker.
 WINDOW = 3
 #: Attempts at a chunk whose worker died.
@@ -70,6 +70,9 @@ class Stopping:
 def run(words: list[str]) -> int:
     """Run a sweep from the words of a command line; return the exit code."""
     sorted_words = sort_words(words, OPTIONS)
+    if "base" in sorted_words.options:
+        bearings = modal_parameters_of(sorted_words.options["base"])
+        sorted_words.values.append(f"grid.modal_parameters=[{bearings}]")
     settings = compose_settings(sorted_words)
     retry = sorted_words.options.get("retry_failed", "false").lower()
     if retry not in ("true", "false"):

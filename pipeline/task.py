@@ -18,6 +18,7 @@ from chatter_core.machine import Machine
 from chatter_core.units import SUFFIXES
 from chatter_core.variables import STATUS, SWEEP
 from pipeline import store
+from pipeline.settings import model_with
 from pipeline.store import Chunk
 
 Kernel = Callable[..., LobeBlock]
@@ -45,8 +46,8 @@ class Record:
 
 
 @lru_cache(maxsize=4)
-def _described(path: Path) -> tuple[Machine, dict[str, Any], dict[str, np.ndarray]]:
-    """Return machine, what all chunks have in common and coordinates as the store holds them, once a process."""
+def _described(path: Path) -> tuple[Machine, dict[str, Any], dict[str, Any], dict[str, np.ndarray]]:
+    """Return machine, effects, what all chunks share and coordinates as the store holds them, once a process."""
     group = store.open_group(path)
     settings = cast(dict[str, Any], group.attrs["settings"])
     names = ("modal_parameters", "preload", "mode_count", "spindle_speed", "axial_depth")
@@ -56,7 +57,7 @@ def _described(path: Path) -> tuple[Machine, dict[str, Any], dict[str, np.ndarra
         "mode_selection": settings["grid"]["mode_selection"],
         "cells": settings["grid"]["cells"],
     }
-    return Machine.model_validate(settings["machine"]), common, values
+    return Machine.model_validate(settings["machine"]), settings.get("effects", {}), common, values
 
 
 def compute_chunk(task: Task) -> Record:
@@ -66,12 +67,13 @@ def compute_chunk(task: Task) -> Record:
     Errors of writing are not caught: they end the run.
     """
     began = time.perf_counter()
-    machine, common, values = _described(task.store)
+    machine, effects, common, values = _described(task.store)
     parameters, preload, modes = (
         values[name][i] for name, i in zip(("modal_parameters", "preload", "mode_count"), task.chunk.outer, strict=True)
     )
     if machine.spindle is not None:
         machine = machine.with_preload(float(preload))
+    model = model_with(machine, effects)
     module, function = task.kernel.split(":")
     kernel: Kernel = getattr(import_module(module), function)
     depth = values["axial_depth"] * SUFFIXES["mm"][0]
@@ -79,7 +81,7 @@ def compute_chunk(task: Task) -> Record:
 
     def compute(speeds: np.ndarray) -> LobeBlock:
         return kernel(
-            machine,
+            model,
             spindle_speed=speeds,
             axial_depth=depth,
             mode_count=int(modes),
@@ -101,10 +103,10 @@ def compute_chunk(task: Task) -> Record:
 
 def compute_point(task: Task) -> None:
     """Compute the first cell of a chunk and forget it: what is compiled when first used is compiled then."""
-    machine, common, values = _described(task.store)
+    machine, effects, common, values = _described(task.store)
     if task.kernel == KERNEL:
         lobe_block(
-            machine,
+            model_with(machine, effects),
             spindle_speed=values["spindle_speed"][:1] * SUFFIXES["rpm"][0],
             axial_depth=values["axial_depth"][:1] * SUFFIXES["mm"][0],
             mode_count=1,

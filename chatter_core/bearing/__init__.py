@@ -5,4 +5,6 @@
 """
 
 from chatter_core.bearing.axisymmetric import BearingState as BearingState
+from chatter_core.bearing.axisymmetric import SpeedLaw as SpeedLaw
 from chatter_core.bearing.axisymmetric import axisymmetric_state as axisymmetric_state
+from chatter_core.bearing.axisymmetric import state_along as state_along

@@ -10,6 +10,7 @@ processes", whose equation 2 has lost the ball's mass and whose equation 6 is ga
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Literal
 
@@ -34,10 +35,29 @@ STEEPEST = math.radians(89.9)
 
 
 @dataclass(frozen=True, kw_only=True)
+class SpeedLaw:
+    """What a bearing sees as the spindle turns: functions of spindle speed (speed,) [rad/s], each (speed,).
+
+    ball_speed: at which the balls' inertia acts [rad/s]; preload: axial force that is asked for [N];
+    ring_growth: what the inner ring's groove has moved outwards by [m].
+    """
+
+    ball_speed: Callable[[Array], Array]
+    preload: Callable[[Array], Array]
+    ring_growth: Callable[[Array], Array]
+
+    def felt(self, spindle_speed: Array) -> Array:
+        """Return the speeds (speed,), standstill in the place of those at which nothing differs from it."""
+        laws = (self.ball_speed, self.preload, self.ring_growth)
+        differs = [law(spindle_speed) != law(np.zeros(1)) for law in laws]
+        return np.where(np.any(differs, axis=0), spindle_speed, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
 class BearingState:
     """State of one bearing over speed; every array is (speed,), NaN where ``solved`` is False.
 
-    spindle_speed [rad/s]; preload, what was asked for [N]; axial_load on the bearing [N], contact
+    spindle_speed [rad/s]; preload, what was asked for at standstill [N]; axial_load on the bearing [N], contact
     angles [rad], contact forces, centrifugal force [N] and gyroscopic moment [N m] of one ball;
     axial_displacement of the inner ring from the unloaded bearing [m]; stiffnesses [N/m].
     """
@@ -87,9 +107,27 @@ def axisymmetric_state(
 
     See docs/physics.md#preloaded-bearing.
     """
+    law = SpeedLaw(
+        ball_speed=lambda speed: speed,
+        preload=lambda speed: np.full_like(speed, preload),
+        ring_growth=np.zeros_like,
+    )
+    return state_along(bearing, law, spindle_speed, preload_type)
+
+
+def state_along(bearing: Bearing, law: SpeedLaw, spindle_speed: Array, preload_type: PreloadType) -> BearingState:
+    """Return the state of a bearing whose preload and fits follow a law, at speeds (speed,) [rad/s] in any order.
+
+    ``rigid`` preload keeps, at each speed, the axial displacement that the law's force causes at
+    standstill. Otherwise as ``axisymmetric_state``.
+
+    Raises InvalidInput for a speed that is negative or not finite, and for a law that leaves no preload.
+
+    See docs/physics.md#preloaded-bearing.
+    """
     if not np.all(np.isfinite(spindle_speed) & (spindle_speed >= 0.0)):
         raise InvalidInput(["spindle_speed: every speed of the bearing must be a finite number, at least 0"])
-    path = _Path(bearing, preload / bearing.ball_count, preload_type)
+    path = _Path(bearing, law, preload_type)
     speeds, place = np.unique(np.asarray(spindle_speed, dtype=float), return_inverse=True)
     unknowns, solved = path.at(speeds)
     found = path.balance(unknowns, speeds)
@@ -107,7 +145,7 @@ def axisymmetric_state(
         "axial_stiffness": stiffness[:, 0, 0],
     }
     return BearingState(
-        preload=preload,
+        preload=float(law.preload(np.zeros(1))[0]),
         spindle_speed=speeds[place],
         solved=solved[place],
         **{name: np.where(solved, values, np.nan)[place] for name, values in columns.items()},
@@ -117,13 +155,17 @@ def axisymmetric_state(
 class _Path:
     """Continuation in speed of (X_1, X_2, axial displacement) of the ball that stands for all."""
 
-    def __init__(self, bearing: Bearing, axial_force: float, preload_type: PreloadType) -> None:
+    def __init__(self, bearing: Bearing, law: SpeedLaw, preload_type: PreloadType) -> None:
         self.ball, self.unloaded = ball_of(bearing), unloaded_groove_distance(bearing)
-        self.axial_force = axial_force
-        self.held: float | None = None
-        self.start = self._standstill()
-        if preload_type == "rigid":
-            self.held = float(self.start[2])
+        self.law, self.count, self.rigid = law, bearing.ball_count, preload_type == "rigid"
+        self.start = self._standstill(float(self.axial_force(np.zeros(1))[0]))
+
+    def axial_force(self, speeds: Array) -> Array:
+        """Return the share of one ball in the preload (n,) [N]."""
+        preload = self.law.preload(speeds)
+        if not np.all(preload > 0.0):
+            raise InvalidInput([f"preload: found {preload.min():g} N at some speed, allowed: more than 0"])
+        return preload / self.count
 
     def at(self, speeds: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Return the unknowns (speed, 3) at ascending speeds, and which were reached (speed,).
@@ -142,8 +184,9 @@ class _Path:
 
     def balance(self, unknowns: Array, speeds: Array) -> BallBalance:
         """Return the balance at unknowns (n, 3) and speeds (n,)."""
-        groove = np.stack([self.unloaded[0] + unknowns[:, 2], np.full(len(unknowns), self.unloaded[1])], axis=1)
-        return balance(self.ball, groove, unknowns[:, :2], speeds)
+        radial = self.unloaded[1] + self.law.ring_growth(speeds)
+        groove = np.stack([self.unloaded[0] + unknowns[:, 2], radial], axis=1)
+        return balance(self.ball, groove, unknowns[:, :2], self.law.ball_speed(speeds))
 
     def _stations(self, highest: float) -> Array:
         """Return the unknowns (station, 3) at multiples of PATH_STEP, as far as the path goes."""
@@ -155,7 +198,7 @@ class _Path:
             stations.append(following)
         return np.array(stations)
 
-    def _standstill(self) -> Array:
+    def _standstill(self, axial_force: float) -> Array:
         """Return the state at standstill, where both contacts carry one force in line.
 
         The contact angle alone is unknown: the ring moves axially, so the grooves keep their radial
@@ -168,12 +211,16 @@ class _Path:
             return float(ball.series_factor * max(0.0, radial / math.cos(angle) - reach) ** 1.5)
 
         free = math.acos(min(1.0, radial / reach))
-        angle = brentq(lambda a: force(a) * math.sin(a) - self.axial_force, free, STEEPEST, xtol=1e-15)
+        angle = brentq(lambda a: force(a) * math.sin(a) - axial_force, free, STEEPEST, xtol=1e-15)
         centre = (ball.outer_reach + (force(angle) / ball.outer_factor) ** (2 / 3)) * np.array(
             [math.sin(angle), math.cos(angle)]
         )
         guess = np.array([[*centre, radial * math.tan(angle) - self.unloaded[0]]])
-        settled, solved = self._settle(guess, np.zeros(1))
+        settled, solved = damped_newton(
+            lambda unknowns, which: self._system(unknowns, np.zeros(1)[which], np.array([axial_force])[which], None),
+            guess,
+            math.hypot(*self.unloaded),
+        )
         if not solved[0]:
             raise NoEquilibrium("the bearing at standstill does not settle under its preload")
         return np.asarray(settled[0])
@@ -194,23 +241,36 @@ class _Path:
 
     def _settle(self, start: Array, speeds: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Solve ball and ring at speeds (n,) from the unknowns ``start`` (n, 3)."""
+        force = self.axial_force(speeds)
+        held = self._held(force) if self.rigid else None
         return damped_newton(
-            lambda unknowns, which: self._system(unknowns, speeds[which]), start, math.hypot(*self.unloaded)
+            lambda unknowns, which: self._system(
+                unknowns, speeds[which], force[which], None if held is None else held[which]
+            ),
+            start,
+            math.hypot(*self.unloaded),
         )
 
-    def _system(self, unknowns: Array, speeds: Array) -> tuple[Array, Array, Array]:
+    def _held(self, force: Array) -> Array:
+        """Return the axial displacements (n,) that forces (n,) cause at standstill."""
+        distinct, place = np.unique(force, return_inverse=True)
+        known = float(self.axial_force(np.zeros(1))[0])
+        held = [self.start[2] if one == known else self._standstill(float(one))[2] for one in distinct]
+        return np.array(held)[place]
+
+    def _system(self, unknowns: Array, speeds: Array, force: Array, held: Array | None) -> tuple[Array, Array, Array]:
         """Return residuals (n, 3), Jacobians (n, 3, 3) and the largest force; it is 0 when contact is lost."""
         found = self.balance(unknowns, speeds)
         jacobian = np.zeros((len(unknowns), 3, 3))
         jacobian[:, :2, :2] = found.by_centre
         jacobian[:, :2, 2] = found.by_groove[:, :, 0]
-        if self.held is None:
-            last = found.ring_load[:, 0] - self.axial_force
+        if held is None:
+            last = found.ring_load[:, 0] - force
             jacobian[:, 2, :2], jacobian[:, 2, 2] = found.load_by_centre[:, 0], found.load_by_groove[:, 0, 0]
         else:
             # A displacement in the unit of a force, so that one tolerance serves all three.
             unit = np.where(found.load_by_groove[:, 0, 0] == 0.0, 1.0, found.load_by_groove[:, 0, 0])
-            last, jacobian[:, 2, 2] = unit * (unknowns[:, 2] - self.held), unit
+            last, jacobian[:, 2, 2] = unit * (unknowns[:, 2] - held), unit
         touching = (found.inner_contact_force > 0.0) & (found.outer_contact_force > 0.0)
         size = np.where(touching, np.maximum(found.inner_contact_force, found.outer_contact_force), 0.0)
         return np.concatenate([found.residual, last[:, None]], axis=1), jacobian, size

@@ -7,19 +7,24 @@ ln|mu| is less than so many of its own deviations from zero, nobody knows whethe
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import RegularGridInterpolator
 
+from chatter_core.chain import structure
 from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.cuts import SMALLEST_RADIUS
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.prediction import CampaignModel
-from chatter_core.evidence.stages import Indices
+from chatter_core.evidence.stages import Indices, Stages
+from chatter_core.lobes import lobe_block
 from chatter_core.machine import Machine
+from chatter_core.stability import critical_multipliers
 
-#: Speeds and depths of a field.
-SPEEDS, DEPTHS = 160, 48
+#: Speeds and depths of a field, and of the coarser one over which its deviation is known.
+GRID, COARSE_GRID = (320, 96), (160, 48)
 #: How far beyond the trials a field reaches: a share of the range of speeds to both sides, a factor of depth.
 SPEED_MARGIN, DEPTH_MARGIN = 0.04, 1.15
-#: Differences are taken over this share of a parameter's standard deviation.
+#: Differences are taken over this share of a parameter's standard deviation: where another branch of multipliers
+#: takes over within one, its slope would count far from where it rules.
 STEP = 0.03
 
 
@@ -40,35 +45,31 @@ class Field:
     deviation: Array
 
 
-def field(model: CampaignModel, belief: Belief, setup: int, *, speeds: int = SPEEDS, depths: int = DEPTHS) -> Field:
+def field(
+    model: CampaignModel,
+    belief: Belief,
+    setup: int,
+    *,
+    grid: tuple[int, int] = GRID,
+    coarse_grid: tuple[int, int] = COARSE_GRID,
+) -> Field:
     """Return the field of one setup of the cuts, by its place in ``setups``, with what is known of the parameters.
 
     See docs/physics.md#comparison.
     """
     machine, points = setups(model)[setup]
-    speed, depth = _grid(model, points, speeds, depths)
     known = belief.about(model)
-    values, deviation = known.estimate, known.deviation
-    growth = _growth(model, machine, values, speed, depth)
-    slopes = []
-    moved = [i for i, p in enumerate(model.parameters) if p.touches != "measurement" and deviation[i] > 0.0]
-    for index in moved:
-        aside = values.copy()
-        step = STEP * deviation[index]
-        aside[index] += step if values[index] + step <= model.parameters[index].upper else -step
-        by = (aside[index] - values[index]) / deviation[index]
-        slopes.append((_growth(model, machine, aside, speed, depth) - growth) / by)
-    slope = np.stack(slopes, axis=-1) if slopes else np.zeros((*growth.shape, 0))
-    correlation = known.correlation[np.ix_(moved, moved)]
-    variance = np.einsum("sdi,ij,sdj->sd", slope, correlation, slope)
-    trials = points[points < len(model.campaign.trials or ())]
+    speed, depth = _axes(model, points, grid)
+    place = np.stack(np.meshgrid(speed, depth, indexing="ij"), axis=-1)
+    coarse_axes = _axes(model, points, coarse_grid)
+    coarse = _deviation(model, machine, known, *coarse_axes)
     return Field(
         machine=machine,
-        trials=trials,
+        trials=points[points < len(model.campaign.trials or ())],
         spindle_speed=speed,
         axial_depth=depth,
-        growth=growth,
-        deviation=np.sqrt(np.maximum(variance, 0.0)),
+        growth=_growth_near_boundary(model.stages(known.estimate, machine), model, speed, depth),
+        deviation=RegularGridInterpolator(coarse_axes, coarse, bounds_error=False, fill_value=None)(place),
     )
 
 
@@ -81,9 +82,9 @@ def setups(model: CampaignModel) -> list[tuple[Machine, Indices]]:
     return sorted(found, key=lambda one: -len(one[1]))
 
 
-def _grid(model: CampaignModel, points: Indices, speeds: int, depths: int) -> tuple[Array, Array]:
+def _axes(model: CampaignModel, points: Indices, grid: tuple[int, int]) -> tuple[Array, Array]:
     """Return speeds and depths around some cuts."""
-    campaign = model.campaign
+    campaign, (speeds, depths) = model.campaign, grid
     tables = [table.spindle_speed for table in (campaign.trials, campaign.limits) if table is not None]
     speed = np.concatenate(tables)[points]
     room = SPEED_MARGIN * (speed.max() - speed.min()) or SPEED_MARGIN * speed.max()
@@ -92,12 +93,40 @@ def _grid(model: CampaignModel, points: Indices, speeds: int, depths: int) -> tu
     return np.linspace(lowest, speed.max() + room, speeds), np.linspace(deepest / depths, deepest, depths)
 
 
+def _growth_near_boundary(stages: Stages, model: CampaignModel, speed: Array, depth: Array) -> Array:
+    """Return ln|mu| (speed, depth), exact where it matters and interpolated elsewhere."""
+    block = lobe_block(
+        stages,
+        spindle_speed=speed,
+        axial_depth=depth,
+        mode_count=model.available(model.cut_modes),
+        modal_parameters="dynamic",
+        method=model.method,
+        cells="adaptive",
+    )
+    return np.asarray(np.log(np.maximum(block.spectral_radius, SMALLEST_RADIUS)))
+
+
+def _deviation(model: CampaignModel, machine: Machine, known: Belief, speed: Array, depth: Array) -> Array:
+    """Return the standard deviation of ln|mu| (speed, depth), to first order in the parameters."""
+    growth, slopes = _growth(model, machine, known.estimate, speed, depth), []
+    moved = [i for i, p in enumerate(model.parameters) if p.touches != "measurement" and known.deviation[i] > 0.0]
+    for index in moved:
+        aside = known.estimate.copy()
+        step = STEP * known.deviation[index]
+        aside[index] += step if aside[index] + step <= model.parameters[index].upper else -step
+        by = (aside[index] - known.estimate[index]) / known.deviation[index]
+        slopes.append((_growth(model, machine, aside, speed, depth) - growth) / by)
+    if not moved:
+        return np.zeros_like(growth)
+    slope, correlation = np.stack(slopes, axis=-1), known.correlation[np.ix_(moved, moved)]
+    return np.asarray(np.sqrt(np.maximum(np.einsum("sdi,ij,sdj->sd", slope, correlation, slope), 0.0)))
+
+
 def _growth(model: CampaignModel, machine: Machine, values: Array, speed: Array, depth: Array) -> Array:
     """Return ln|mu| (speed, depth)."""
     stages = model.stages(values, machine)
-    built = stages.structure(stages.machine, speed, mode_count=model.available(model.cut_modes))
-    index = np.repeat(np.arange(len(speed)), len(depth))
-    multiplier = stages.multipliers(
-        stages.machine, built, index, np.tile(depth, len(speed)), model.method, np.ones(len(index))
-    )
+    built = structure(stages, speed, mode_count=model.available(model.cut_modes))
+    index, depths = np.repeat(np.arange(len(speed)), len(depth)), np.tile(depth, len(speed))
+    multiplier = critical_multipliers(stages, built, index, depths, model.method, np.ones(len(index)))
     return np.log(np.maximum(np.abs(multiplier), SMALLEST_RADIUS)).reshape(len(speed), len(depth))

@@ -15,6 +15,7 @@ from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.stages import Indices, Stages
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import Machine
+from chatter_core.stability import critical_multipliers, evaluate
 
 #: Spectral radii below this are as good as none.
 SMALLEST_RADIUS = 1e-30
@@ -104,7 +105,7 @@ def predict_cuts(
     def growth(cut: Indices, offset: Array) -> Array:
         at = depth[cut] * np.exp(offset)
         speed, plain = setup.speed_index[cut], np.ones(len(cut))
-        found = stages.multipliers(stages.machine, built, speed, at, method, plain)
+        found = critical_multipliers(stages, built, speed, at, method, plain)
         # A motion that dies within a period has no logarithm.
         return np.log(np.maximum(np.abs(found), SMALLEST_RADIUS))
 
@@ -116,7 +117,7 @@ def predict_cuts(
     heard = np.flatnonzero(cuts.heard[setup.points])
     if len(heard):
         at = depth[heard] * np.exp(where_it_chatters(margin, crossing)[heard])
-        found = stages.stability(stages.machine, built, setup.speed_index[heard], at, method, np.ones(len(heard)))
+        found = evaluate(stages, built, setup.speed_index[heard], at, method, np.ones(len(heard)))
         frequency[heard] = found.chatter_frequency
     return CutPrediction(
         margin=margin, crossing=crossing, chatter_frequency=frequency, solved=built.solved[setup.speed_index]

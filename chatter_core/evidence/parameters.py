@@ -6,50 +6,26 @@ A fit knows nothing of machines. It moves a vector of parameters, in whatever or
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from chatter_core.errors import InvalidInput
+from chatter_core.parameters import Array, Parameter, Touches
 
-Array = NDArray[np.float64]
-
-#: What has to be computed again when a parameter changes: everything; the cut alone, since bearings, modes and
-#: receptances stay; or nothing of the model, since only what the sensors make of it changes.
-Touches = Literal["structure", "cut", "measurement"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Parameter:
-    """A number that is fitted. Its prior is normal, cut off at its bounds.
-
-    unit: as texts write it, "" for pure numbers, "ln" for the logarithm of a factor; null: value at which the
-    model is as described; prior_mean, prior_width, lower, upper: in that unit. A half-normal prior of an
-    amplitude has its mean, its null and its lower bound in one place.
-    """
-
-    name: str
-    unit: str
-    doc: str
-    prior_width: float
-    null: float = 0.0
-    prior_mean: float = 0.0
-    lower: float = -np.inf
-    upper: float = np.inf
-    touches: Touches = "structure"
-
-    def __post_init__(self) -> None:
-        if not (np.isfinite(self.prior_width) and self.prior_width > 0.0):
-            raise InvalidInput([f"parameter {self.name}: prior_width: found {self.prior_width:g}, allowed: above 0"])
-        if not self.lower <= self.null <= self.upper or self.lower >= self.upper:
-            raise InvalidInput(
-                [
-                    f"parameter {self.name}: its null {self.null:g} {self.unit} must lie within its bounds, "
-                    f"{self.lower:g} to {self.upper:g}"
-                ]
-            )
+__all__ = [
+    "Array",
+    "Evaluation",
+    "Parameter",
+    "Problem",
+    "Touches",
+    "column",
+    "log_prior",
+    "log_share",
+    "position",
+]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from chatter_core.chain import Structure
+from chatter_core.chain import Structure, structure
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.cuts import CutPrediction, Cuts, cuts_of, predict_cuts
@@ -14,7 +14,7 @@ from chatter_core.evidence.parameters import Array, Parameter, column
 from chatter_core.evidence.stages import ComplexArray, Stages, Term, apply_terms
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import Machine
-from chatter_core.stability import Stability, without_result
+from chatter_core.stability import Stability, evaluate, without_result
 from chatter_core.tip import most_modes
 
 #: Modes of an axis in the cut, and in a receptance, whose lines between the peaks feel all that lie above.
@@ -169,7 +169,7 @@ class CampaignModel:
             for setup in group.setups:
                 stages = self.stages(prediction.values, setup.machine)
                 at, plain = depth[setup.points], np.ones(len(setup.points))
-                found = stages.stability(stages.machine, built, setup.speed_index, at, self.method, plain)
+                found = evaluate(stages, built, setup.speed_index, at, self.method, plain)
                 result.overwrite(setup.points, found)
         return result
 
@@ -189,7 +189,7 @@ class CampaignModel:
         for group in self.cuts.groups:
             stages = self.stages(values, group.machine)
             count = self.available(self.cut_modes)
-            structures.append(stages.structure(stages.machine, group.spindle_speed, mode_count=count))
+            structures.append(structure(stages, group.spindle_speed, mode_count=count))
         return tuple(structures)
 
     def _predict_cuts(self, values: Array, structures: tuple[Structure, ...], near: Prediction | None) -> CutPrediction:
@@ -224,7 +224,7 @@ class CampaignModel:
         built = kept.response if kept is not None else None
         if built is None:
             count = self.available(self.receptance_modes)
-            built = stages.structure(stages.machine, speeds, mode_count=count)
+            built = structure(stages, speeds, mode_count=count)
         sensors = self._sensors(values)
         responses = []
         for number, one in enumerate(measured):
@@ -253,7 +253,7 @@ class CampaignModel:
         stages = self.stages(values)
         speeds, row = np.unique(measured.spindle_speed, return_inverse=True)
         count = self.available(int(measured.mode.max()))
-        modes = stages.structure(stages.machine, speeds, mode_count=count).modes
+        modes = structure(stages, speeds, mode_count=count).modes
         # The first axis that has a mode of this number; where none has, the model has no answer.
         alike = modes.label == measured.mode[:, None]
         first = alike.argmax(axis=1)
@@ -271,7 +271,7 @@ class CampaignModel:
         for preload in np.unique(measured.preload) if machine.spindle is not None else ():
             rows = np.flatnonzero(measured.preload == preload)
             stages = self.stages(values, machine.with_preload(float(preload)))
-            bearing = stages.structure(stages.machine, measured.spindle_speed[rows], mode_count=1).bearing
+            bearing = structure(stages, measured.spindle_speed[rows], mode_count=1).bearing
             if bearing is not None:
                 radial[rows], axial[rows] = bearing.radial_stiffness, bearing.axial_stiffness
         return radial, axial

@@ -1,13 +1,14 @@
 """Floquet analysis of linear periodic systems with delayed feedback; knows nothing of milling."""
 
 from chatter_core.floquet.analysis import FloquetSolution, analyse, critical_motion
-from chatter_core.floquet.equation import DelayedFeedback, DelayEquation, LinearSystem, Spectrum
+from chatter_core.floquet.equation import DelayedFeedback, DelayEquation, Gain, LinearSystem, Spectrum
 from chatter_core.floquet.method import MethodSettings
 
 __all__ = [
     "DelayEquation",
     "DelayedFeedback",
     "FloquetSolution",
+    "Gain",
     "LinearSystem",
     "MethodSettings",
     "Spectrum",

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_core.errors import UnsupportedEquation
-from chatter_core.floquet.equation import Array, ComplexArray, DelayedFeedback, DelayEquation
+from chatter_core.floquet.equation import Array, ComplexArray, DelayEquation, Gain
 from chatter_core.floquet.multipliers import arnoldi
 
 #: Gauss nodes an element.
@@ -148,8 +148,8 @@ class _Tables:
 def build(equation: DelayEquation, refinement: Array | float = 1.0) -> CollocationMonodromy:
     """Build the operator; ``refinement`` (point,) multiplies the number of elements.
 
-    Raises UnsupportedEquation when there is not exactly one delay, equal to the period, when the state
-    matrix cannot be diagonalised, or when the refinement is below LEAST_REFINEMENT.
+    Raises UnsupportedEquation when there is not exactly one delay, equal to the period, when there is a gain on
+    velocities, when the state matrix cannot be diagonalised, or when the refinement is below LEAST_REFINEMENT.
 
     See docs/physics.md#collocation.
     """
@@ -176,12 +176,14 @@ def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Element
     See docs/physics.md#collocation.
     """
     delays = [feedback.delay for feedback in equation.feedback]
+    if equation.velocity_gain:
+        raise UnsupportedEquation("the plain collocation has no gain on velocities; the compiled one has")
     if len(delays) != 1 or np.any(np.abs(delays[0] - equation.period) > DELAY_TOLERANCE * equation.period):
         raise UnsupportedEquation(
             "the plain collocation solves one delay equal to the period; the compiled one takes any delays up to it"
         )
     breakpoints = np.sort(equation.breakpoints, axis=1)
-    cuts = acting_pieces(equation.feedback[0], breakpoints, equation.period)
+    cuts = acting_pieces(equation.feedback[0].gain, breakpoints, equation.period)
     layout = break_up(equation, refinement, breakpoints, cuts)
     time = layout.node_time
     gain = equation.feedback[0].gain(time)
@@ -189,14 +191,14 @@ def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Element
     return layout, time, gain
 
 
-def acting_pieces(feedback: DelayedFeedback, breakpoints: Array, period: Array) -> NDArray[np.bool_]:
+def acting_pieces(gain: Gain, breakpoints: Array, period: Array) -> NDArray[np.bool_]:
     """Return whether a gain acts between breakpoints (point, breakpoint), ascending, and the next (point, piece).
 
     See docs/physics.md#collocation.
     """
     length = piece_lengths(breakpoints, period)
     probes = breakpoints[..., None] + length[..., None] * np.array([0.21, 0.5, 0.83])
-    return np.asarray(np.any(feedback.gain(probes) != 0.0, axis=(2, 3, 4)) & (length > 0.0))
+    return np.asarray(np.any(gain(probes) != 0.0, axis=(2, 3, 4)) & (length > 0.0))
 
 
 def piece_lengths(breakpoints: Array, period: Array) -> Array:

@@ -11,6 +11,9 @@ With several delays f = K w - g, where g is the delayed outputs' part, so there
 
     (1 - respond K) w = observe z - respond g.
 
+A gain on velocities has no delay: it is treated as several delays are, with the velocities over the fastest pole,
+so that all are of like size, as further outputs that nothing delayed looks back to.
+
 z holds one pole of each conjugate pair, its real and imaginary part side by side. The discretised
 state is z at the start of the period, and w at the nodes of every element in the cut a period ago.
 
@@ -148,14 +151,14 @@ def build(equation: DelayEquation, refinement: Array | float = 1.0) -> CompiledM
 
     See docs/physics.md#collocation.
     """
-    layout, gain, look_back = _lay_out(equation, refinement)
     half, which = equation.system.half_spectrum, equation.system_index
+    layout, gain, look_back, outputs = _lay_out(equation, refinement)
     # A real pole has no imaginary part, and filling has neither: they start at zero and stay there.
     weight = np.where(half.poles.imag > 0.0, 2.0, half.poles.imag == 0.0)
     alive = np.stack([weight > 0.0, weight > 1.0], axis=-1).reshape(len(weight), -1)
     # A direction in which no mode moves takes no part.
-    shown, pushed = _taking_part(half.seen.swapaxes(1, 2)), _taking_part(half.driven)
-    seen = np.ascontiguousarray(half.seen[:, shown])
+    shown, pushed = _taking_part(outputs.swapaxes(1, 2)), _taking_part(half.driven)
+    seen = np.ascontiguousarray(outputs[:, shown])
     driven = np.ascontiguousarray((half.driven * (weight > 0.0)[..., None])[..., pushed])
     gain, term_gain = (
         np.ascontiguousarray(np.moveaxis(array[..., pushed[:, None], shown], -3, -1))
@@ -201,11 +204,24 @@ def build(equation: DelayEquation, refinement: Array | float = 1.0) -> CompiledM
     )
 
 
-def _lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Elements, Array, LookBack]:
-    """Return elements, the sum of all gains at their nodes, and where they look back to: nowhere with one delay."""
+def _lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Elements, Array, LookBack, ComplexArray]:
+    """Return elements, the sum of all gains at their nodes, where they look back to, and what outputs see.
+
+    They look back nowhere with one delay alone.
+    """
+    seen = equation.system.half_spectrum.seen
+    if equation.velocity_gain:
+        layout, look_back = delays.lay_out(equation, refinement)
+        fastest = equation.system.fastest_pole
+        velocity = sum(gain(layout.node_time) for gain in equation.velocity_gain)
+        velocity = velocity * fastest[equation.system_index][:, None, None, None, None]
+        velocity[~layout.acts] = 0.0
+        gain = np.concatenate([look_back.gain.sum(axis=2), velocity], axis=-1)
+        wide = np.concatenate([look_back.gain, np.zeros_like(look_back.gain)], axis=-1)
+        return layout, gain, replace(look_back, gain=wide), equation.system.seen_with_velocities
     if not delays.is_one_period(equation):
         layout, look_back = delays.lay_out(equation, refinement)
-        return layout, look_back.gain.sum(axis=2), look_back
+        return layout, look_back.gain.sum(axis=2), look_back, seen
     layout, _, gain = collocation.lay_out(equation, refinement)
     none = (*layout.piece.shape, 0, NODES)
     return (
@@ -217,6 +233,7 @@ def _lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Elemen
             weight=np.zeros((*none, NODES)),
             gain=np.zeros((*none, *gain.shape[-2:])),
         ),
+        seen,
     )
 
 

@@ -68,8 +68,10 @@ def _pieces_with_nodes(equation: DelayEquation, breakpoints: Array, delays: Arra
     period = equation.period[:, None]
     begin = breakpoints - breakpoints[:, :1]
     holds = np.zeros(breakpoints.shape, dtype=bool)
+    for gain in equation.velocity_gain:
+        holds |= collocation.acting_pieces(gain, breakpoints, equation.period)
     for term, feedback in enumerate(equation.feedback):
-        acts = collocation.acting_pieces(feedback, breakpoints, equation.period)
+        acts = collocation.acting_pieces(feedback.gain, breakpoints, equation.period)
         holds |= acts
         origin = np.mod(begin - delays[:, term, None], period)
         for turn in (0.0, 1.0):  # what an origin overlaps before and after the period's end

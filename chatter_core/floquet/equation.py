@@ -1,6 +1,8 @@
 """The equation that is solved: a linear periodic system with delayed feedback through few outputs.
 
-x'(t) = A x(t) + B sum_l K_l(t) [C x(t) - C x(t - tau_l)],  K_l(t + T) = K_l(t).
+x'(t) = A x(t) + B sum_l K_l(t) [C x(t) - C x(t - tau_l)] + B sum_k D_k(t) C x'(t),
+
+K_l and D_k of period T. A position has no jump, C B = 0, so its velocity is an output as well: C x' = C A x.
 """
 
 from collections.abc import Callable
@@ -107,6 +109,24 @@ class LinearSystem:
             driven=inverse @ self.input_matrix,
         )
 
+    @cached_property
+    def fastest_pole(self) -> Array:
+        """Largest modulus of a pole (system,) [1/s]."""
+        return np.asarray(np.abs(self.spectrum.poles).max(axis=1))
+
+    @cached_property
+    def seen_with_velocities(self) -> ComplexArray:
+        """What outputs, and their velocities over the fastest pole, see of the half spectrum (system, .., pole).
+
+        Raises UnsupportedEquation when an output has no velocity, because an input makes it jump.
+        """
+        jump = np.abs(self.output_matrix @ self.input_matrix).max()
+        if jump > 0.0:
+            raise UnsupportedEquation("a gain on velocities needs outputs that no input makes jump, C B = 0")
+        half = self.half_spectrum
+        velocity = half.seen * (half.poles / self.fastest_pole[:, None])[:, None, :]
+        return np.concatenate([half.seen, velocity], axis=1)
+
 
 @dataclass(frozen=True, kw_only=True)
 class DelayedFeedback:
@@ -122,7 +142,7 @@ class DelayEquation:
 
     system: the linear systems; system_index: (point,), which of them is a point's; period: (point,)
     [s]; breakpoints: (point, breakpoint), the times in [0, period) where a gain is not smooth, at
-    least one.
+    least one; velocity_gain: D_k, on the outputs' velocities.
     """
 
     system: LinearSystem
@@ -130,6 +150,7 @@ class DelayEquation:
     feedback: tuple[DelayedFeedback, ...]
     period: Array
     breakpoints: Array
+    velocity_gain: tuple[Gain, ...] = ()
 
     def __len__(self) -> int:
         return len(self.period)

@@ -63,12 +63,13 @@ class Delayed:
 class SemiDiscretizationMonodromy:
     """Map of (x_j, w_j-1, ..., w_j-h) over the n intervals of a period.
 
-    present: (point, interval, state, state); the output matrix gives w = C x; history: number h of
-    past samples.
+    present: (point, interval, state, state); velocity: (point, interval, input, output), mean gains on the
+    outputs' velocities; the output matrix gives w = C x; history: number h of past samples.
     """
 
     present: Array
     delayed: tuple[Delayed, ...]
+    velocity: Array
     output_matrix: Array
     interval: Array
     samples: tuple[int, ...]
@@ -101,6 +102,7 @@ class SemiDiscretizationMonodromy:
             self,
             present=self.present[points],
             delayed=tuple(term.select(points) for term in self.delayed),
+            velocity=self.velocity[points],
             output_matrix=self.output_matrix[points],
             interval=self.interval[points],
         )
@@ -111,7 +113,9 @@ class SemiDiscretizationMonodromy:
         intervals, h = self.present.shape[1], self.history
         time = self.interval[:, None] * (np.arange(intervals) + 0.5)
         present = 0.5 * (outputs[:, h:-1] + outputs[:, h + 1 :])
-        force = np.zeros((*time.shape, self.delayed[0].mean_gain.shape[-2]), dtype=vectors.dtype)
+        # The mean velocity over an interval is what the output has moved in it.
+        moved = (outputs[:, h + 1 :] - outputs[:, h:-1]) / self.interval[:, None, None]
+        force = (self.velocity @ moved[..., None])[..., 0].astype(vectors.dtype)
         for term in self.delayed:
             place = h + np.arange(intervals) - term.lag[:, None]
             past = sum(
@@ -154,12 +158,18 @@ def build(equation: DelayEquation, intervals: int, order: int) -> SemiDiscretiza
     )
     step = equation.period / intervals
     means = [_interval_means(equation, feedback.gain, intervals) for feedback in equation.feedback]
+    velocity = sum(
+        (_interval_means(equation, gain, intervals) for gain in equation.velocity_gain),
+        start=np.zeros((points, intervals, input_matrix.shape[2], output_matrix.shape[1])),
+    )
     outputs, powers = output_matrix.shape[1], order + 1
     block = outputs * powers
     # One exponential gives the present and the driven part, also where W_0 is singular: the delayed
     # output v_0 and its derivatives v_k drive themselves, v_k' = v_k+1 / step.
     generator = np.zeros((points, intervals, states + block * len(means), states + block * len(means)))
     generator[..., :states, :states] = state_matrix[:, None]
+    if equation.velocity_gain:
+        generator[..., :states, :states] += input_matrix[:, None] @ velocity @ (output_matrix @ state_matrix)[:, None]
     for i, mean in enumerate(means):
         fed_back, start = input_matrix[:, None] @ mean, states + i * block
         generator[..., :states, :states] += fed_back @ output_matrix[:, None]
@@ -185,6 +195,7 @@ def build(equation: DelayEquation, intervals: int, order: int) -> SemiDiscretiza
     return SemiDiscretizationMonodromy(
         present=moved[..., :states, :states],
         delayed=tuple(terms),
+        velocity=velocity,
         output_matrix=output_matrix,
         interval=step,
         samples=SAMPLES[order],

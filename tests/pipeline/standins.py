@@ -9,6 +9,7 @@ import numpy as np
 
 from chatter_core.errors import NoEquilibrium
 from chatter_core.lobes import CROSSINGS, LobeBlock
+from chatter_core.stages import stages_of
 from chatter_core.units import SUFFIXES
 
 #: Preload [N] at which the failing kernels fail.
@@ -18,10 +19,10 @@ BAD_SPEED = 9000.0
 
 
 def plain(
-    machine: Any, *, spindle_speed: Any, axial_depth: Any, mode_count: int, modal_parameters: str, **_: Any
+    model: Any, *, spindle_speed: Any, axial_depth: Any, mode_count: int, modal_parameters: str, **_: Any
 ) -> LobeBlock:
     """Return numbers that depend on every coordinate of a cell and on nothing else."""
-    preload = machine.spindle.preload if machine.spindle else 0.0
+    preload = stages_of(model).machine.spindle.preload if stages_of(model).machine.spindle else 0.0
     outer = preload + 7.0 * mode_count + (0.5 if modal_parameters == "static" else 0.0)
     cell = np.sin(spindle_speed[:, None] * outer) + 1e3 * axial_depth[None, :]
     line = cell[:, :1] + np.arange(CROSSINGS)
@@ -42,33 +43,33 @@ def plain(
     )
 
 
-def slow(machine: Any, **cells: Any) -> LobeBlock:
+def slow(model: Any, **cells: Any) -> LobeBlock:
     """Take a tenth of a second for each speed."""
     time.sleep(0.1 * len(cells["spindle_speed"]))
-    return plain(machine, **cells)
+    return plain(model, **cells)
 
 
-def _is_bad(machine: Any, cells: dict[str, Any]) -> bool:
+def _is_bad(model: Any, cells: dict[str, Any]) -> bool:
     slowest = cells["spindle_speed"].min() / SUFFIXES["rpm"][0]
-    return bool(machine.spindle.preload == BAD_PRELOAD and slowest < BAD_SPEED)
+    return bool(stages_of(model).machine.spindle.preload == BAD_PRELOAD and slowest < BAD_SPEED)
 
 
-def without_equilibrium(machine: Any, **cells: Any) -> LobeBlock:
+def without_equilibrium(model: Any, **cells: Any) -> LobeBlock:
     """Find no equilibrium in one corner of the grid."""
-    if _is_bad(machine, cells):
+    if _is_bad(model, cells):
         raise NoEquilibrium("the ball leaves its race")
-    return plain(machine, **cells)
+    return plain(model, **cells)
 
 
-def broken(machine: Any, **cells: Any) -> LobeBlock:
+def broken(model: Any, **cells: Any) -> LobeBlock:
     """Fail in a way that nobody foresaw in one corner of the grid."""
-    if _is_bad(machine, cells):
+    if _is_bad(model, cells):
         raise ZeroDivisionError("an error in the physics")
-    return plain(machine, **cells)
+    return plain(model, **cells)
 
 
-def deadly(machine: Any, **cells: Any) -> LobeBlock:
+def deadly(model: Any, **cells: Any) -> LobeBlock:
     """Kill the worker in one corner of the grid, as the kernel does when memory runs out."""
-    if _is_bad(machine, cells):
+    if _is_bad(model, cells):
         os.kill(os.getpid(), signal.SIGKILL)
-    return plain(machine, **cells)
+    return plain(model, **cells)

@@ -58,7 +58,7 @@ def test_each_nuisance_multiplies_its_keys_and_nothing_else(reference_machine, k
             assert new == pytest.approx(old * math.exp(0.01) if mine else old, rel=1e-12 if mine else 0.0), path
             moved.append(mine)
         assert any(moved), parameter.name
-        assert stages.structure is Stages(machine=machine).structure
+        assert stages.tip_modes is Stages(machine=machine).tip_modes
 
 
 def test_the_set_follows_from_the_machine(reference_machine):

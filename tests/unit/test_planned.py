@@ -85,7 +85,7 @@ def test_the_band_of_the_boundary_is_as_wide_as_drawn_parameters_make_it():
     model = base_model(campaign(tip_machine(), trials=plan()))
     belief = narrow(model)
     assert len(setups(model)) == 1
-    grid = {"speeds": 24, "depths": 12}
+    grid = {"grid": (24, 12), "coarse_grid": (24, 12)}
     found = field(model, belief, 0, **grid)
     rng = np.random.default_rng(12)
     spread = np.linalg.cholesky(belief.correlation)

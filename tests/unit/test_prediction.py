@@ -226,13 +226,12 @@ class Stiffer:
     )
 
     def apply(self, stages, values):
-        def structure(machine, spindle_speed, *, mode_count):
-            built = stages.structure(machine, spindle_speed, mode_count=mode_count)
+        def tip_modes(known, spindle_speed, mode_count):
+            modes = stages.tip_modes(known, spindle_speed, mode_count)
             factor = 1.0 + values[0] * (spindle_speed[:, None] / 1000.0) ** values[1]
-            modes = replace(built.modes, natural_frequency=built.modes.natural_frequency * factor)
-            return replace(built, modes=modes)
+            return replace(modes, natural_frequency=modes.natural_frequency * factor)
 
-        return replace(stages, structure=structure)
+        return replace(stages, tip_modes=tip_modes)
 
 
 def test_an_effect_joins_the_vector_and_its_null_is_the_base_model():

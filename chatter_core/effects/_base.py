@@ -1,0 +1,96 @@
+"""What every effect is: parameters, settings, one stage of the chain, and one pure method that transforms it."""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar
+
+from chatter_core.errors import InvalidInput
+from chatter_core.machine import Machine
+from chatter_core.parameters import Array, Parameter
+from chatter_core.stages import Stages
+from chatter_core.units import si_factor
+
+#: Spindle speed at which effects that change with speed have their stated size: 10 000 rpm [rad/s].
+REFERENCE_SPEED = 10_000.0 * 2.0 * math.pi / 60.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """A choice that is not fitted: its name, meaning, and what may be chosen. A diagnosis tries each."""
+
+    name: str
+    doc: str
+    choices: tuple[str | int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect(ABC):
+    """An effect: a frozen class of its settings, with a law that transforms one arrow of the chain.
+
+    stage: the field of ``Stages`` that it transforms; declared: its parameters, in the units of their names;
+    shapes: names of those that say how the effect looks and not how strong it is; settings: its choices, each
+    an attribute of the class; needs: what of a machine it acts on; changes: what a strong value changes, of
+    ``bearing``, ``modes`` (at the tip), ``cut`` (the multipliers). What is not named stays bit for bit.
+    """
+
+    stage: ClassVar[str]
+    declared: ClassVar[tuple[Parameter, ...]]
+    shapes: ClassVar[tuple[str, ...]] = ()
+    settings: ClassVar[tuple[Setting, ...]] = ()
+    needs: ClassVar[tuple[str, ...]] = ()
+    changes: ClassVar[tuple[str, ...]]
+
+    def __post_init__(self) -> None:
+        for setting in self.settings:
+            found = getattr(self, setting.name)
+            if found not in setting.choices or isinstance(found, bool):
+                allowed = ", ".join(str(choice) for choice in setting.choices)
+                raise InvalidInput([f"effects.{self.name()}.{setting.name}: found {found!r}, allowed: {allowed}"])
+
+    @classmethod
+    def name(cls) -> str:
+        """Return the effect's name: that of its file."""
+        return cls.__module__.rpartition(".")[2]
+
+    @classmethod
+    def place(cls) -> tuple[int, str]:
+        """Return what effects are sorted by: the place of their stage in the chain, then their name."""
+        return [field.name for field in fields(Stages)].index(cls.stage), cls.name()
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Its parameters, named with the effect's name in front: no two effects share one."""
+        return tuple(replace(parameter, name=f"{self.name()}.{parameter.name}") for parameter in self.declared)
+
+    def apply(self, stages: Stages, values: Array) -> Stages:
+        """Return the stages with its own transformed, at values (parameter,) in the units of their names.
+
+        Where nothing but the shape differs from the nulls the stages are returned as they are.
+
+        Raises InvalidInput when the machine lacks what the effect acts on.
+        """
+        self._require_parts(stages.machine)
+        pairs = list(zip(self.declared, values, strict=True))
+        if all(value == parameter.null for parameter, value in pairs if parameter.name not in self.shapes):
+            return stages
+        in_si = tuple(float(value) * si_factor(parameter.name) for parameter, value in pairs)
+        return replace(stages, **{self.stage: self.transform(getattr(stages, self.stage), stages.machine, in_si)})
+
+    def require(self, machine: Machine) -> None:
+        """Raise InvalidInput, naming what is missing, where the effect cannot act on a machine as described."""
+        self._require_parts(machine)
+        self._check(machine)
+
+    def _require_parts(self, machine: Machine) -> None:
+        missing = [part for part in self.needs if getattr(machine, part) is None]
+        if missing:
+            what = " and ".join(missing)
+            raise InvalidInput([f"effects.{self.name()}: acts on {what}; this machine has measured tip modes instead"])
+
+    def _check(self, machine: Machine) -> None:  # noqa: B027  # most effects act on any machine with these parts
+        """Raise InvalidInput where the effect cannot act on a machine that has all the parts it needs."""
+
+    @abstractmethod
+    def transform(self, before: Any, machine: Machine, values: tuple[float, ...]) -> Any:
+        """Return the stage as the effect makes it from what it was; values: as declared, in SI."""

@@ -1,0 +1,100 @@
+"""Effects with values: from plain data, as a yaml says it, to the stages of a machine."""
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from chatter_core.effects._base import Effect
+from chatter_core.effects._finding import effect_class
+from chatter_core.errors import InvalidInput
+from chatter_core.machine import Machine
+from chatter_core.parameters import Array, Parameter
+from chatter_core.reading import nearest, shown
+from chatter_core.stages import Stages, stages_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActiveEffect:
+    """An effect with the values of its parameters, in the units of their names."""
+
+    effect: Effect
+    values: tuple[float, ...]
+
+    def apply(self, stages: Stages) -> Stages:
+        """Return the stages as the effect makes them; raises InvalidInput where it cannot act on the machine."""
+        self.effect.require(stages.machine)
+        return self.effect.apply(stages, np.array(self.values))
+
+
+def activate(name: str, data: Mapping[str, Any]) -> ActiveEffect:
+    """Return an effect with the parameters and settings that ``data`` says, all of them and no others.
+
+    Raises InvalidInput with every finding, each naming ``effects.NAME.KEY``.
+
+    See docs/physics.md#effects.
+    """
+    kind = effect_class(name)
+    keys = [*(parameter.name for parameter in kind.declared), *(setting.name for setting in kind.settings)]
+    problems = [f"effects.{name}.{key}: unknown key; {nearest(str(key), keys)}" for key in data if key not in keys]
+    for parameter in kind.declared:
+        if parameter.name not in data:
+            problems.append(f"effects.{name}.{parameter.name}: missing; needed: {parameter.doc}")
+        else:
+            problems += _problems(f"effects.{name}.{parameter.name}", parameter, data[parameter.name])
+    for setting in kind.settings:
+        if setting.name not in data:
+            problems.append(f"effects.{name}.{setting.name}: missing; needed: {setting.doc}")
+    if problems:
+        raise InvalidInput(problems)
+    effect = kind(**{setting.name: data[setting.name] for setting in kind.settings})
+    return ActiveEffect(effect=effect, values=tuple(float(data[parameter.name]) for parameter in kind.declared))
+
+
+def _problems(key: str, parameter: Parameter, value: Any) -> list[str]:
+    """Return what is wrong with a parameter's value."""
+    unit = f" {parameter.unit}" if parameter.unit else ""
+    allowed = f"{parameter.lower:g} to {parameter.upper:g}{unit}"
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return [f"{key}: found {shown(value)}, allowed: a number, {allowed}"]
+    if not parameter.lower <= value <= parameter.upper:
+        return [f"{key}: found {value:g}{unit}, allowed: {allowed}"]
+    return []
+
+
+def apply_effects(model: Machine | Stages, effects: Iterable[ActiveEffect]) -> Stages:
+    """Return the stages of a model with effects, along the chain and by name, however they are listed.
+
+    Raises InvalidInput when an effect stands twice, or when the machine lacks what one acts on.
+
+    See docs/physics.md#effects.
+    """
+    stages, ordered = stages_of(model), sorted(effects, key=lambda active: active.effect.place())
+    for one, other in itertools.pairwise(ordered):
+        if one.effect.name() == other.effect.name():
+            raise InvalidInput([f"effects: {one.effect.name()} stands twice"])
+    for active in ordered:
+        stages = active.apply(stages)
+    return stages
+
+
+def variants(name: str) -> tuple[Effect, ...]:
+    """Return an effect once for every combination of what its settings allow, for whoever tries them all.
+
+    See docs/physics.md#effects.
+    """
+    kind = effect_class(name)
+    choices = itertools.product(*(setting.choices for setting in kind.settings))
+    names = [setting.name for setting in kind.settings]
+    return tuple(kind(**dict(zip(names, chosen, strict=True))) for chosen in choices)
+
+
+def null_values(effect: Effect) -> Array:
+    """Return the values (parameter,) at which the model is as it was.
+
+    See docs/physics.md#effects.
+    """
+    return np.array([parameter.null for parameter in effect.declared])

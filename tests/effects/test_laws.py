@@ -1,0 +1,288 @@
+"""Each effect against something that was not made by it: closed forms, direct calls, other methods, other models."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from chatter_core.bearing import axisymmetric_state
+from chatter_core.chain import milling_equation, structure
+from chatter_core.cutting import ForceCoefficients, engagement
+from chatter_core.effects import REFERENCE_SPEED, activate, apply_effects
+from chatter_core.floquet import LinearSystem, MethodSettings, critical_motion
+from chatter_core.joint import Joint
+from chatter_core.lobes import lobe_block
+from chatter_core.machine import Machine
+from chatter_core.spindle import assemble, direct_receptance
+from chatter_core.stability import critical_multipliers
+from chatter_core.tip import receptance
+from tests.conftest import COLLOCATION, milling_benchmark
+
+RPM = math.pi / 30.0
+SPEEDS = np.array([0.0, 5000.0, 12000.0]) * RPM
+FINEST = MethodSettings(name="collocation", tolerance=1e-8)
+
+
+def model(machine: Machine, name: str, **values):
+    return apply_effects(machine, [activate(name, values)])
+
+
+def test_a_thermal_preload_is_the_bearing_at_the_preload_of_each_speed(reference_machine: Machine):
+    found = structure(model(reference_machine, "thermal_preload", rise=0.8, exponent=1.7), SPEEDS, mode_count=1).bearing
+    for index, speed in enumerate(SPEEDS):
+        preload = 100.0 * (1.0 + 0.8 * (speed / REFERENCE_SPEED) ** 1.7)
+        alone = axisymmetric_state(reference_machine.bearing, preload, SPEEDS[[index]], "constant")
+        # Two paths of Newton's method to one equilibrium: each stops at 1e-12 of the forces.
+        assert found.radial_stiffness[index] == pytest.approx(alone.radial_stiffness[0], rel=1e-8)
+        assert found.axial_load[index] == pytest.approx(preload, rel=1e-9)
+
+
+def test_a_rigid_thermal_preload_holds_the_displacement_of_its_force(reference_machine: Machine):
+    spindle = reference_machine.spindle.model_copy(update={"preload_type": "rigid"})
+    machine = reference_machine.model_copy(update={"spindle": spindle})
+    found = structure(model(machine, "thermal_preload", rise=0.8, exponent=1.7), SPEEDS, mode_count=1).bearing
+    preload = 100.0 * (1.0 + 0.8 * (SPEEDS[2] / REFERENCE_SPEED) ** 1.7)
+    alone = axisymmetric_state(machine.bearing, preload, SPEEDS[[2]], "rigid")
+    assert found.axial_load[2] == pytest.approx(alone.axial_load[0], rel=1e-8)
+
+
+def test_a_grown_ring_is_a_bearing_with_less_clearance(reference_machine: Machine):
+    """The inner groove's centre further out by u, at the same axial place, is a bearing of another free angle.
+
+    With the groove distance B D kept, u less diametral clearance 2 u: cos(a) = cos(a0) + u/(B D). Its
+    load-deflection factors are taken at that angle, which moves them by 1e-4 or so.
+    """
+    growth, bearing = 1.5, reference_machine.bearing
+    found = structure(model(reference_machine, "ring_expansion", growth_um=growth), SPEEDS, mode_count=1).bearing
+    for index, speed in enumerate(SPEEDS):
+        grown = growth * 1e-6 * (speed / REFERENCE_SPEED) ** 2
+        angle = math.acos(math.cos(bearing.contact_angle) + grown / bearing.groove_distance)
+        other = bearing.model_copy(update={"contact_angle": angle})
+        alone = axisymmetric_state(other, 100.0, SPEEDS[[index]], "constant")
+        assert found.radial_stiffness[index] == pytest.approx(alone.radial_stiffness[0], rel=5e-4)
+        assert found.inner_contact_angle[index] == pytest.approx(alone.inner_contact_angle[0], rel=5e-4)
+
+
+def test_a_housing_that_gives_is_a_spring_in_series(reference_machine: Machine):
+    """A seat with n bearings of k each behind a housing c: the tip's receptance with the series spring assembled."""
+    stages = model(reference_machine, "housing_compliance", compliance_um_n=0.01)
+    built = structure(stages, SPEEDS[1:2], mode_count=20)
+    single = built.bearing.radial_stiffness[0]
+    seats = np.array([1.0 / (1.0 / (n * single) + 0.01e-6) for n in (1, 2)])
+    spindle, frequency = reference_machine.spindle, np.array([200.0, 600.0, 1500.0, 2400.0]) * 2.0 * math.pi
+    expected = direct_receptance(assemble(spindle), spindle.damping, seats, frequency)[:, 0, 0]
+    # Twenty modes of several hundred: what is left out is 1e-3 of the static deflection of the tip.
+    assert receptance(built.modes, frequency)[0, :, 0, 0] == pytest.approx(expected, rel=5e-3)
+
+
+@pytest.mark.parametrize(("border", "place_mm"), [("tool/holder", 66.0), ("holder/shaft", 104.0)])
+def test_a_joint_adds_its_compliance_to_the_tip(reference_machine: Machine, border: str, place_mm: float):
+    """Castigliano: under a force at the tip the cut at s carries F and F s, so the tip gives c_l + c_r s^2."""
+    lateral, rotational, place = 0.02e-6, 8e-6, place_mm * 1e-3
+    joint = Joint(position=place, lateral_compliance=lateral, rotational_compliance=rotational)
+    spindle, seats, still = reference_machine.spindle, np.array([1e8, 2e8]), np.zeros(1)
+    plain, jointed = (
+        direct_receptance(assemble(spindle, joints=joints), spindle.damping, seats, still)[0, 0, 0].real
+        for joints in ((), (joint,))
+    )
+    assert jointed - plain == pytest.approx(lateral + rotational * place**2, rel=1e-6)
+    # The effect puts this joint there: all modes together give as much more at rest.
+    stages = model(
+        reference_machine,
+        "holder_joint",
+        joint=border,
+        lateral_compliance_um_n=lateral * 1e6,
+        rotational_compliance_urad_n_m=rotational * 1e6,
+    )
+    assert stages.joints(spindle) == (joint,)
+    softer, before = (structure(one, still, mode_count=20).modes for one in (stages, reference_machine))
+    gained = np.sum(1.0 / softer.modal_stiffness[0, :20]) - np.sum(1.0 / before.modal_stiffness[0, :20])
+    assert gained == pytest.approx(lateral + rotational * place**2, rel=2e-2)  # a few modes are not kept
+
+
+def test_a_drawbar_is_the_holder_joint_of_each_speed(reference_machine: Machine):
+    """At one speed it is a joint of that compliance, which the rotor is reduced with for itself."""
+    stages = model(reference_machine, "drawbar_stiffness", joint="holder/shaft", rotational_compliance_urad_n_m=4.0)
+    for static in (False, True):
+        bearings = "static" if static else "dynamic"
+        found = structure(stages, SPEEDS, mode_count=4, modal_parameters=bearings).modes.natural_frequency
+        for index, speed in enumerate(SPEEDS):
+            compliance = 4.0 * (speed / REFERENCE_SPEED) ** 2
+            values = {"lateral_compliance_um_n": 0.0, "rotational_compliance_urad_n_m": compliance}
+            alone = model(reference_machine, "holder_joint", joint="holder/shaft", **values)
+            expected = structure(alone, SPEEDS[[index]], mode_count=4, modal_parameters=bearings)
+            # At rest it counts as a thousandth of its compliance; else two reductions, good to seven digits.
+            rel = 1e-7 if compliance else 2e-4
+            assert found[index] == pytest.approx(expected.modes.natural_frequency[0], rel=rel)
+
+
+def test_joints_at_one_border_act_in_series(reference_machine: Machine):
+    spindle, seats = reference_machine.spindle, np.array([1e8, 2e8])
+    half = Joint(position=0.066, lateral_compliance=1e-8, rotational_compliance=2e-6)
+    whole = Joint(position=0.066, lateral_compliance=2e-8, rotational_compliance=4e-6)
+    one, two = (
+        direct_receptance(assemble(spindle, joints=joints), spindle.damping, seats, np.array([5e3]))
+        for joints in ((whole,), (half, half))
+    )
+    assert two == pytest.approx(one, rel=1e-12)
+
+
+def test_stiffness_in_y_moves_its_modes_alone(reference_machine: Machine):
+    base = structure(reference_machine, SPEEDS, mode_count=3).modes
+    found = structure(
+        model(reference_machine, "directional_asymmetry", stiffness_ratio=math.log(1.21)), SPEEDS, mode_count=3
+    ).modes
+    assert np.array_equal(found.natural_frequency[:, :3], base.natural_frequency[:, :3])
+    assert found.natural_frequency[:, 3:] == pytest.approx(1.1 * base.natural_frequency[:, 3:], rel=1e-12)
+    assert found.modal_stiffness[:, 3:] == pytest.approx(1.21 * base.modal_stiffness[:, 3:], rel=1e-12)
+
+
+def test_damping_changes_with_speed_and_not_at_rest(reference_machine: Machine):
+    base = structure(reference_machine, SPEEDS, mode_count=3).modes
+    found = structure(model(reference_machine, "speed_dependent_damping", change=math.log(2.0)), SPEEDS, mode_count=3)
+    factor = 2.0 ** (SPEEDS / REFERENCE_SPEED)
+    assert found.modes.damping_ratio == pytest.approx(base.damping_ratio * factor[:, None], rel=1e-12)
+
+
+def test_a_workpiece_mode_is_a_further_mode_of_the_tool(reference_machine: Machine):
+    """In the cut alone: a machine of measured modes that lists it has the same multipliers."""
+    tip = [
+        {"axis": axis, "natural_frequency_hz": 900.0, "damping_ratio": 0.03, "stiffness_n_um": 20.0} for axis in "xy"
+    ]
+    own = {"axis": "y", "natural_frequency_hz": 1300.0, "damping_ratio": 0.02, "stiffness_n_um": 25.0}
+    parts = {key: reference_machine.described()[key] for key in ("tool", "cutting", "process")}
+    machine, listed = (Machine.model_validate({**parts, "tip": {"modes": modes}}) for modes in (tip, [*tip, own]))
+    stages = model(
+        machine, "workpiece_mode", axis="y", compliance_um_n=1 / 25, natural_frequency_hz=1300.0, damping_ratio=0.02
+    )
+    speed, depth, index = SPEEDS[1:], np.array([1e-3, 2e-3]), np.array([0, 1])
+    found, expected = (
+        critical_multipliers(one, structure(one, speed, mode_count=count), index, depth, FINEST, np.ones(2))
+        for one, count in ((stages, 1), (listed, 2))
+    )
+    assert np.abs(found) == pytest.approx(np.abs(expected), rel=1e-7)
+    assert len(structure(stages, speed, mode_count=1).modes) == 2
+
+
+@pytest.mark.parametrize("name", ["collocation", "semi_discretization"])
+def test_a_constant_gain_on_velocity_is_a_damper(name: str):
+    """With D(t) = -c on the diagonal the equation is that of a tip with c more damping, in closed form."""
+    damper = 3.0  # N s/m; the benchmark's own 2 zeta m w is 5.1
+    problem = milling_benchmark(direction="down", immersion=0.5, rpm=[5000.0, 9000.0], depth_mm=[0.5, 1.0], axes=(0, 1))
+    w, ratio, mass = 922.0 * 2.0 * math.pi, 0.011, 0.03993
+    more = ratio + damper / (2.0 * mass * w)
+    damped = problem.system.state_matrix.copy()
+    damped[:, [2, 3], [2, 3]] = -2.0 * more * w
+    matrices = {"input_matrix": problem.system.input_matrix, "output_matrix": problem.system.output_matrix}
+
+    def constant(time):
+        return np.broadcast_to(-damper * np.eye(2), (*time.shape, 2, 2)).copy()
+
+    method, rel = (FINEST, 1e-6) if name == "collocation" else (
+        MethodSettings(name="semi_discretization", order=1, intervals=60), 1e-9,
+    )  # fmt: skip
+    # Collocation integrates the damper in one case and has it exactly in the other.
+    one = critical_motion(replace(problem, velocity_gain=(constant,)), method, 3.0).multiplier
+    other = critical_motion(
+        replace(problem, system=LinearSystem(state_matrix=damped, **matrices)), method, 3.0
+    ).multiplier
+    assert np.abs(one) == pytest.approx(np.abs(other), rel=rel)
+
+
+def test_process_damping_by_another_method(reference_machine: Machine):
+    """Semi-discretization of order one converges to the multiplier of collocation."""
+    stages = model(reference_machine, "process_damping", coefficient_n_m=1e5)
+    built = structure(stages, np.array([8000.0]) * RPM, mode_count=2)
+    problem = milling_equation(stages, built, np.array([0]), np.array([1.5e-3]))
+    exact = np.abs(critical_motion(problem, FINEST, 2.0).multiplier)
+    rough, fine = (
+        np.abs(critical_motion(problem, MethodSettings(name="semi_discretization", order=1, intervals=n)).multiplier)
+        for n in (60, 120)
+    )
+    # Second order: half the interval, a quarter of the error, and little is left.
+    assert abs(fine / exact - 1.0) < 0.35 * abs(rough / exact - 1.0)
+    assert fine == pytest.approx(exact, rel=2e-3)
+
+
+def test_process_damping_is_power_out_of_the_cut(reference_machine: Machine):
+    """F . v = -C b/v_c sum (h')^2 for the radial part: the gain on velocity takes energy at every instant."""
+    stages = model(reference_machine, "process_damping", coefficient_n_m=1e5)
+    built = structure(stages, np.array([4000.0]) * RPM, mode_count=1)
+    problem = milling_equation(stages, built, np.array([0]), np.array([2e-3]))
+    (gain,) = problem.velocity_gain
+    time = np.linspace(0.0, float(problem.period[0]), 200)[None]
+    radial = replace(gain, coefficients=ForceCoefficients(tangential=0.0, radial=gain.coefficients.radial))
+    matrix = radial(time)[0]
+    assert np.allclose(matrix, matrix.swapaxes(1, 2), atol=1e-9 * np.abs(matrix).max())
+    assert np.linalg.eigvalsh(matrix).max() <= 1e-12 * np.abs(matrix).max()
+    # A single edge at the angle theta: -C b/v_c along its own direction.
+    speed = 0.5 * 0.016 * 4000.0 * RPM
+    assert -np.trace(matrix, axis1=1, axis2=2).max() <= 4 * 1e5 * 2e-3 / speed
+    assert gain.coefficients.tangential == pytest.approx(0.3 * gain.coefficients.radial)
+
+
+def test_process_damping_raises_the_boundary_at_low_speed_most(reference_machine: Machine):
+    speeds = np.array([3000.0, 16000.0]) * RPM
+    depth = np.linspace(0.3e-3, 8e-3, 12)
+    base, damped = (
+        lobe_block(
+            one, spindle_speed=speeds, axial_depth=depth, mode_count=4, modal_parameters="dynamic", method=COLLOCATION,
+            cells="adaptive",
+        ).limit_depth[:, 0]
+        for one in (reference_machine, model(reference_machine, "process_damping", coefficient_n_m=1e5))
+    )  # fmt: skip
+    gain = damped / base
+    assert gain[0] > gain[1] > 1.0
+    assert gain[0] > 1.3
+
+
+def test_coefficients_fall_with_speed_as_if_the_sheet_said_so(reference_machine: Machine):
+    stages = model(reference_machine, "cutting_speed_coefficient", exponent=0.2)
+    speed, depth, index = SPEEDS[1:], np.full(2, 1.2e-3), np.array([0, 1])
+    built = structure(stages, speed, mode_count=2)
+    found = critical_multipliers(stages, built, index, depth, FINEST, np.ones(2))
+    for place, at in enumerate(speed):
+        energy = reference_machine.cutting.specific_cutting_energy * (at / REFERENCE_SPEED) ** -0.2
+        cutting = reference_machine.cutting.model_copy(update={"specific_cutting_energy": energy})
+        other = reference_machine.model_copy(update={"cutting": cutting})
+        expected = critical_multipliers(other, built, index[[place]], depth[:1], FINEST, np.ones(1))
+        assert abs(found[place]) == pytest.approx(abs(expected[0]), rel=1e-9)
+
+
+@pytest.mark.parametrize(("direction", "immersion", "error", "seen"), [
+    ("down", 0.4, -0.25, 0.3), ("up", 0.4, 0.25, 0.5), ("up", 0.8, 0.5, 1.0), ("slot", 1.0, -0.2, 1.0),
+])  # fmt: skip
+def test_an_immersion_errs_in_proportion(reference_machine: Machine, direction, immersion, error, seen):
+    update = {"direction": direction, "radial_immersion": immersion}
+    process = reference_machine.process.model_copy(update=update)
+    stages = model(reference_machine, "radial_immersion_error", error=error)
+    expected = engagement(process.model_copy(update={"radial_immersion": seen}))
+    assert stages.engagement(process).entry == pytest.approx(expected.entry, abs=1e-12)
+    assert stages.engagement(process).exit == pytest.approx(expected.exit, abs=1e-12)
+
+
+def test_higher_modes_restored_in_full_are_the_wider_model(reference_machine: Machine):
+    found = structure(model(reference_machine, "higher_modes", modes=4, share=1.0), SPEEDS, mode_count=1)
+    wider = structure(reference_machine, SPEEDS, mode_count=4)
+    assert np.array_equal(found.modes.natural_frequency, wider.modes.natural_frequency)
+    assert np.array_equal(found.cut_modes.modal_mass, wider.cut_modes.modal_mass)
+
+
+def test_turning_bearings_restored_in_full_are_the_dynamic_model(reference_machine: Machine):
+    stages = model(reference_machine, "speed_dependent_bearing", share=1.0)
+    found = structure(stages, SPEEDS, mode_count=4, modal_parameters="static")
+    dynamic = structure(reference_machine, SPEEDS, mode_count=4)
+    assert np.array_equal(found.modes.natural_frequency, dynamic.modes.natural_frequency)
+    assert np.array_equal(structure(stages, SPEEDS, mode_count=4).modes.modal_mass, dynamic.modes.modal_mass)
+
+
+def test_preload_rises_on_bearings_that_stand_still(reference_machine: Machine):
+    """Each effect acts on its own: heat needs no ball inertia."""
+    stages = model(reference_machine, "thermal_preload", rise=1.0, exponent=1.0)
+    found = structure(stages, SPEEDS, mode_count=1, modal_parameters="static").bearing
+    expected = [
+        axisymmetric_state(reference_machine.bearing, 100.0 * (1 + s / REFERENCE_SPEED), np.zeros(1), "constant")
+        for s in SPEEDS
+    ]
+    assert found.radial_stiffness == pytest.approx([one.radial_stiffness[0] for one in expected], rel=1e-8)
