@@ -4,7 +4,7 @@ import csv
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
@@ -25,12 +25,14 @@ Generator = np.random.Generator
 
 #: Share of wrong labels, of chatter without a frequency, of trials that are kept back; error of a frequency.
 MISLABELLED, UNHEARD, KEPT_BACK, FREQUENCY_ERROR = 0.03, 0.15, 0.30, 0.002
-SPEEDS = (20, 24)
+SPEEDS = (18, 22)
 LOWEST_RPM = 2600.0
 #: Expected limits that make a machine worth a campaign [m], and the deepest cut over the tool's diameter.
 WORTH, DEEPEST = (0.15e-3, 5e-3), 0.8
 #: Speeds at which the shop looks up what its papers promise, first depth [m] and the ratio of the search.
 LOOKED_UP, FIRST_DEPTH, SEARCH_RATIO = 7, 0.1e-3, 1.35
+#: File of the truth that says that all is written.
+SEAL = "seal.sha256"
 #: Machines that are drawn before a seed is given up.
 MOST_DRAWS = 40
 
@@ -78,7 +80,7 @@ def draw_shop(seed: int, *, errors: float = 1.0) -> Shop:
         if WORTH[0] <= min(limits) <= WORTH[1]:
             scheme = draw_scheme(rng, highest, planned.effects)
             first, top = 0.5 * min(limits), 1.3 * max(limits)
-            ratio = float(np.clip((top / first) ** (1.0 / 7.0), 1.3, 1.6))
+            ratio = float(np.clip((top / first) ** (1.0 / 6.0), 1.35, 1.65))
             return Shop(
                 plan=planned,
                 papers=papers,
@@ -218,6 +220,8 @@ def make_campaign(seed: int, folder: Path, truth_folder: Path, *, errors: float 
         "bearing.csv": bearing_rows(spindle, shop.papers.preload_n, shop.scheme, rng),
     }
     clean = trial_rows(shop, conditions, results, None)
+    for stale in (*folder.glob("*.csv"), truth_folder / SEAL):
+        stale.unlink(missing_ok=True)
     folder.mkdir(parents=True, exist_ok=True)
     truth_folder.mkdir(parents=True, exist_ok=True)
     (folder / "machine.yaml").write_text(yaml.safe_dump(described(shop.papers), sort_keys=False))
@@ -227,7 +231,7 @@ def make_campaign(seed: int, folder: Path, truth_folder: Path, *, errors: float 
     _write_table(truth_folder / "stability_test.csv", [row for row, back in zip(clean, kept_back, strict=True) if back])
     truth = truth_of(seed, shop, conditions, results)
     (truth_folder / "truth.json").write_text(json.dumps(truth, indent=1) + "\n")
-    _seal(truth_folder, [*(folder / name for name in ("machine.yaml", *tables)), *truth_folder.glob("*[vn]")])
+    write_seal(folder, truth_folder)
 
 
 def _write_table(path: Path, rows: list[Row]) -> None:
@@ -237,11 +241,23 @@ def _write_table(path: Path, rows: list[Row]) -> None:
         writer.writerows(rows)
 
 
-def _seal(truth_folder: Path, files: Iterable[Path]) -> None:
-    lines = [
-        f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.name}" for file in sorted(files) if file.exists()
-    ]
-    (truth_folder / "seal.sha256").write_text("\n".join(lines) + "\n")
+def digests(folder: Path, truth_folder: Path) -> str:
+    """Return the digests of a campaign's files and of its truth's, a line each."""
+    files = [*sorted(folder.iterdir()), truth_folder / "stability_test.csv", truth_folder / "truth.json"]
+    return "".join(f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.name}\n" for file in files)
+
+
+def write_seal(folder: Path, truth_folder: Path) -> None:
+    """Write the seal, last of all and at once."""
+    draft = truth_folder / "seal.draft"
+    draft.write_text(digests(folder, truth_folder))
+    draft.replace(truth_folder / SEAL)
+
+
+def is_sealed(folder: Path, truth_folder: Path) -> bool:
+    """Return whether a campaign is complete and as it was when it was made."""
+    seal = truth_folder / SEAL
+    return seal.exists() and folder.is_dir() and seal.read_text() == digests(folder, truth_folder)
 
 
 def truth_of(
@@ -254,10 +270,9 @@ def truth_of(
     """
     foreign = shop.plan.kind == "foreign"
     verdict = {"none": "none", "one": "effect", "two": "effect", "foreign": "unexplained"}[shop.plan.kind]
-    plain = Spindle(shop.truth, Hidden())
     null = Hidden()
-    # A drift with the trials alone leaves the thermal history as it is without.
-    without = [cut_trial(plain, condition) for condition in conditions]
+    plain = Spindle(shop.truth, null)
+    without = results if shop.hidden == null else [cut_trial(plain, condition) for condition in conditions]
     hidden = Spindle(shop.truth, shop.hidden)
     changes = []
     for rpm in (0.0, shop.highest_rpm):
