@@ -1,10 +1,12 @@
 """Radial stiffness of a preloaded angular contact ball bearing at speed.
 
-Each ball lies where its contact forces, its centrifugal force and its gyroscopic moment balance; the ring lies where the
-balls carry the axial preload. Roots are found by scipy, the stiffness by central differences of the force on the ring.
+Each ball lies where its contact forces, its centrifugal force and its gyroscopic moment balance; the ring lies where
+the balls carry the axial preload. Roots are found by scipy, the stiffness by central differences of the force on the
+ring.
 
 Harris and Kotzalas, Advanced Concepts of Bearing Technology, 5th ed. (2007), chapter 3, with outer raceway control. The
-gyroscopic moment acts with the sense of the published tables, which is what a ``machine.yaml`` means that says nothing of it.
+gyroscopic moment acts with the sense of the published tables, which is what a ``machine.yaml`` means that says
+nothing of it.
 """
 
 import math

@@ -5,6 +5,7 @@ Hughes, The Finite Element Method (1987), chapter 5). Cowper's shear coefficient
 2 j (deflection) and 2 j + 1 (slope).
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,8 +25,8 @@ _MASS_PLACES, _MASS_WEIGHTS = np.polynomial.legendre.leggauss(3)
 class Shaft:
     """Assembled shaft: matrices (freedom, freedom) [SI]; freedoms of the seats' deflections; the tip is freedom 0.
 
-    gyroscopic: polar inertia on the slopes. joint: freedoms (deflection and slope before, the same behind) of the border that was
-    parted for a joint, or None.
+    gyroscopic: polar inertia on the slopes. joint: freedoms (deflection and slope before, the same behind) of the
+    border that was parted for a joint, or None.
     """
 
     mass: Array
@@ -84,7 +85,7 @@ def assemble(
     node, nodes, joint = 0, {0.0: 0}, None
     for number, (section, end) in enumerate(zip(sections, ends, strict=True)):
         cuts = _cuts(section, end, wanted)
-        for start, stop in zip(cuts[:-1], cuts[1:], strict=True):
+        for start, stop in itertools.pairwise(cuts):
             span = slice(2 * node, 2 * node + 6)
             for whole, part in zip((mass, stiffness, polar), element(section, stop - start), strict=True):
                 whole[span, span] += part
@@ -105,9 +106,7 @@ def _cuts(section: Section, end: float, wanted: Array) -> Array:
     start = end - section.length_m
     fixed = np.unique(np.round([start, end, *wanted[(wanted > start + 1e-6) & (wanted < end - 1e-6)]], 9))
     longest = LONGEST_ELEMENT * section.outer_diameter_m
-    pieces = [
-        np.linspace(a, b, int(np.ceil((b - a) / longest)) + 1)[1:] for a, b in zip(fixed[:-1], fixed[1:], strict=True)
-    ]
+    pieces = [np.linspace(a, b, int(np.ceil((b - a) / longest)) + 1)[1:] for a, b in itertools.pairwise(fixed)]
     return np.concatenate([fixed[:1], *pieces])
 
 

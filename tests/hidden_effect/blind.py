@@ -1,7 +1,7 @@
 """Make many campaigns: python -m tests.hidden_effect.blind {calibration,test} FOLDER [--count N] [--workers N].
 
-FOLDER/campaigns/SEED is what a diagnosis may see, FOLDER/truth/SEED what it may not. A campaign whose seal holds is not made
-again, so an interrupted run is continued by the same command.
+FOLDER/campaigns/SEED is what a diagnosis may see, FOLDER/truth/SEED what it may not. A campaign whose seal holds is
+not made again, so an interrupted run is continued by the same command.
 """
 
 import argparse

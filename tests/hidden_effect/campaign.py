@@ -27,8 +27,14 @@ Generator = np.random.Generator
 MISLABELLED, UNHEARD, KEPT_BACK, FREQUENCY_ERROR = 0.03, 0.15, 0.30, 0.002
 SPEEDS = (18, 22)
 LOWEST_RPM = 2600.0
-#: Expected limits that make a machine worth a campaign [m], and the deepest cut over the tool's diameter.
-WORTH, DEEPEST = (0.15e-3, 5e-3), 0.8
+#: A machine is worth a campaign when its least expected limit lies between these, [m] and over the tool's diameter,
+#: and when it chatters at the deepest cut, over the diameter, at all speeds that are looked up but so many.
+LEAST_LIMIT_M, MOST_LIMIT, DEEPEST, NEVER_CHATTERS = 0.15e-3, 0.25, 0.8, 2
+#: Modes that a model of the machine is expected to have, and the largest resonance beyond them over the largest of
+#: all: where there is more, modes that are left out would be an effect of their own.
+MODEL_MODES, BEYOND = 4, 0.06
+#: Share of the shops that cut slowly (where flanks rub: of most of those), and their highest speed over the machine's.
+SLOW, SLOW_WHERE_FLANKS_RUB, SLOW_SHARE = 0.2, 0.7, 0.55
 #: Speeds at which the shop looks up what its papers promise, first depth [m] and the ratio of the search.
 LOOKED_UP, FIRST_DEPTH, SEARCH_RATIO = 7, 0.1e-3, 1.35
 #: File of the truth that says that all is written.
@@ -55,7 +61,7 @@ def hide(plan: Plan, machine: Machine, rng: Generator) -> Hidden:
     drawn: dict[str, object] = {}
     for name, strength in zip(plan.effects, plan.strengths, strict=True):
         drawn |= (NAMED | FOREIGN)[name](strength, rng, machine)
-    return Hidden(**drawn)  # type: ignore[arg-type]
+    return Hidden(**drawn)
 
 
 def draw_shop(seed: int, *, errors: float = 1.0) -> Shop:
@@ -65,32 +71,61 @@ def draw_shop(seed: int, *, errors: float = 1.0) -> Shop:
     """
     planned = plan(seed)
     for attempt in range(MOST_DRAWS):
-        rng = np.random.default_rng([seed, 10, attempt])
-        papers, highest = draw_machine(rng)
-        for name, strength in zip(planned.effects, planned.strengths, strict=True):
-            papers = prepared(papers, name, strength)
-        truth = true_machine(rng, papers, errors)
-        hidden = hide(planned, papers, rng)
-        try:
-            limits = expected_limits(papers, highest)
-            Spindle(truth, hidden).tip(highest * math.pi / 30.0)
-            Spindle(truth, Hidden()).tip(highest * math.pi / 30.0)
-        except NoEquilibrium:
-            continue
-        if WORTH[0] <= min(limits) <= WORTH[1]:
-            scheme = draw_scheme(rng, highest, planned.effects)
-            first, top = 0.5 * min(limits), 1.3 * max(limits)
-            ratio = float(np.clip((top / first) ** (1.0 / 6.0), 1.35, 1.65))
-            return Shop(
-                plan=planned,
-                papers=papers,
-                truth=truth,
-                hidden=hidden,
-                scheme=scheme,
-                highest_rpm=highest,
-                ladder=(first, ratio),
-            )
+        shop = _drawn_shop(planned, np.random.default_rng([seed, 10, attempt]), errors)
+        if shop is not None:
+            return shop
     raise ValueError(f"seed {seed}: none of {MOST_DRAWS} machines is worth a campaign")
+
+
+def _drawn_shop(planned: Plan, rng: Generator, errors: float) -> Shop | None:
+    """Draw a shop; None where its machine is not worth a campaign."""
+    papers, highest = draw_machine(rng)
+    slow = SLOW_WHERE_FLANKS_RUB if "process_damping" in planned.effects else SLOW
+    if rng.random() < slow:
+        highest = round(SLOW_SHARE * highest, -2)
+    for name, strength in zip(planned.effects, planned.strengths, strict=True):
+        papers = prepared(papers, name, strength)
+    truth = true_machine(rng, papers, errors)
+    hidden = hide(planned, papers, rng)
+    try:
+        if resonance_beyond(papers, highest) > BEYOND:
+            return None
+        limits = expected_limits(papers, highest)
+        for effects in (hidden, Hidden()):
+            Spindle(truth, effects).tip(highest * math.pi / 30.0)
+    except NoEquilibrium:
+        return None
+    if not is_worth_it(papers, limits):
+        return None
+    first, top = 0.5 * min(limits), 1.3 * max(limits)
+    return Shop(
+        plan=planned,
+        papers=papers,
+        truth=truth,
+        hidden=hidden,
+        scheme=draw_scheme(rng, highest, planned.effects),
+        highest_rpm=highest,
+        ladder=(first, float(np.clip((top / first) ** (1.0 / 6.0), 1.35, 1.65))),
+    )
+
+
+def resonance_beyond(papers: Machine, highest_rpm: float) -> float:
+    """Return the largest resonance above the modes that a model has, over the largest of all; at rest or fast."""
+    spindle, shares = Spindle(papers, Hidden()), []
+    for speed in (0.0, highest_rpm * math.pi / 30.0):
+        tip = spindle.tip(speed)
+        of_x = np.flatnonzero(tip.output[:, 0])
+        of_x = of_x[np.argsort(np.abs(tip.eigenvalue[of_x]))]
+        peak = np.abs(tip.input[of_x, 0] * tip.output[of_x, 0] / tip.eigenvalue[of_x].real)
+        shares.append(float(peak[MODEL_MODES:].max() / peak.max()))
+    return max(shares)
+
+
+def is_worth_it(papers: Machine, limits: list[float]) -> bool:
+    """Return whether a shop would find both stable cuts and chatter at most speeds."""
+    diameter = papers.tool.diameter_m
+    never = sum(limit >= DEEPEST * diameter for limit in limits)
+    return LEAST_LIMIT_M <= min(limits) <= MOST_LIMIT * diameter and never <= NEVER_CHATTERS
 
 
 def expected_limits(papers: Machine, highest_rpm: float) -> list[float]:
@@ -260,9 +295,7 @@ def is_sealed(folder: Path, truth_folder: Path) -> bool:
     return seal.exists() and folder.is_dir() and seal.read_text() == digests(folder, truth_folder)
 
 
-def truth_of(
-    seed: int, shop: Shop, conditions: Sequence[Condition], results: Sequence[Result]
-) -> dict[str, object]:
+def truth_of(seed: int, shop: Shop, conditions: Sequence[Condition], results: Sequence[Result]) -> dict[str, object]:
     """Return what ``truth.json`` holds: what is hidden, the true machine, and how much of it shows.
 
     label_flips: share of the trials that would end otherwise without the effect; receptance_change: largest change of
@@ -278,7 +311,9 @@ def truth_of(
     for rpm in (0.0, shop.highest_rpm):
         before, after = receptance(plain, rpm), receptance(hidden, rpm)
         changes.append(float(np.abs(after - before).max() / np.abs(before).max()))
-    shares = {name: sum(one.outcome == name for one in results) / len(results) for name in ("stable", "marginal", "chatter")}
+    shares = {
+        name: sum(one.outcome == name for one in results) / len(results) for name in ("stable", "marginal", "chatter")
+    }
     return {
         "seed": seed,
         "kind": shop.plan.kind,
@@ -295,7 +330,8 @@ def truth_of(
         "trials": len(conditions),
         "shares": shares,
         "label_flips": sum(
-            (one.outcome == "chatter") != (other.outcome == "chatter") for one, other in zip(results, without, strict=True)
+            (one.outcome == "chatter") != (other.outcome == "chatter")
+            for one, other in zip(results, without, strict=True)
         )
         / len(results),
         "receptance_change": {"at_rest": changes[0], "at_highest_speed": changes[1]},
@@ -305,4 +341,4 @@ def truth_of(
 def _plain(value: object) -> object:
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
-    return value if isinstance(value, int | float) else asdict(value)  # type: ignore[call-overload]
+    return value if isinstance(value, int | float) else asdict(value)

@@ -1,9 +1,10 @@
 """The cut in time: slices of helical edges, the surface that they leave, loss of contact.
 
 The workpiece is known by the radius to which it was last cut, at every angle that an edge visits; a tooth removes what
-stands above that surface and leaves its own. Chips are thus the least over all teeth that came before. As in J. Tlusty, F.
-Ismail, CIRP Ann. 30 (1981) 299-304, with force and feed as in B. Balachandran, Phil. Trans. R. Soc. A 359 (2001) 793-819.
-Time advances by equal angles; complex modes take a force that is linear over a step exactly, predicted and corrected once.
+stands above that surface and leaves its own. Chips are thus the least over all teeth that came before. As in J.
+Tlusty, F. Ismail, CIRP Ann. 30 (1981) 299-304, with force and feed as in B. Balachandran, Phil. Trans. R. Soc. A 359
+(2001) 793-819. Time advances by equal angles; complex modes take a force that is linear over a step exactly,
+predicted and corrected once.
 """
 
 from dataclasses import dataclass
@@ -21,11 +22,11 @@ Array = NDArray[np.float64]
 class Cut:
     """Everything that a simulation needs, in SI and radians.
 
-    steps: of angle in a revolution, a multiple of the teeth; teeth: step at which each tooth stands at first; radius: of each
-    tooth beyond the nominal; entry, exit: of the engagement; tangential, radial: force over chip's area; lag: of
-    the edge over the axial depth; ploughing: force slope over depth and relative penetration, with friction share and half slope;
-    size_effect: rise at vanishing chip, its chip and the factor that keeps the described force at the mean chip; ripple: of the speed
-    and periods of it in a revolution; damping_loss: share and amplitude.
+    steps: of angle in a revolution, a multiple of the teeth; teeth: step at which each tooth stands at first; radius:
+    of each tooth beyond the nominal; entry, exit: of the engagement; tangential, radial: force over chip's area; lag:
+    of the edge over the axial depth; ploughing: force slope over depth and relative penetration, with friction share
+    and half slope; size_effect: rise at vanishing chip, its chip and the factor that keeps the described force at the
+    mean chip; ripple: of the speed and periods of it in a revolution; damping_loss: share and amplitude.
     """
 
     speed: float
@@ -62,7 +63,9 @@ def simulate(cut: Cut, tip: Tip, *, revolutions: int, observed: int, settled: fl
     angle = np.mod(places[None, :] - lags[:, None], 2.0 * np.pi)
     # An angle stands for a step's width; at entry and exit the share that lies in the cut counts.
     width = 2.0 * np.pi / cut.steps
-    engaged = np.clip((np.minimum(angle + width / 2, cut.exit) - np.maximum(angle - width / 2, cut.entry)) / width, 0, 1)
+    engaged = np.clip(
+        (np.minimum(angle + width / 2, cut.exit) - np.maximum(angle - width / 2, cut.entry)) / width, 0, 1
+    )
     sine, cosine = np.sin(angle), np.cos(angle)
     surface = _first_surface(cut, sine)
     step_time = _step_times(cut)
@@ -116,7 +119,7 @@ def _step_times(cut: Cut) -> Array:
 
 
 @numba.njit(cache=True, nogil=True)
-def _tables(eigenvalue, input_, step_time, factor):  # type: ignore[no-untyped-def]
+def _tables(eigenvalue, input_, step_time, factor):
     """Return decay, and response to a constant and to a rising force, of every mode for every step time."""
     count, modes = len(step_time), len(eigenvalue)
     decay = np.empty((count, modes), np.complex128)
@@ -135,8 +138,23 @@ def _tables(eigenvalue, input_, step_time, factor):  # type: ignore[no-untyped-d
 
 
 @numba.njit(cache=True, nogil=True)
-def _force(  # type: ignore[no-untyped-def]
-    count, steps, teeth, radius, engaged, sine, cosine, surface, feed, slice_depth, tangential, radial, ploughing, size, tip, velocity,
+def _force(
+    count,
+    steps,
+    teeth,
+    radius,
+    engaged,
+    sine,
+    cosine,
+    surface,
+    feed,
+    slice_depth,
+    tangential,
+    radial,
+    ploughing,
+    size,
+    tip,
+    velocity,
     leave,
 ):
     """Return the force on the tip (x, y); with ``leave`` the edges leave their surface behind."""
@@ -170,9 +188,38 @@ def _force(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _run(  # type: ignore[no-untyped-def]
-    eigenvalue, input_, output, step_time, steps, teeth, radius, engaged, sine, cosine, surface, feed, slice_depth, tangential, radial,
-    ploughing, size, loss, revolutions, settled, history,
+def _tip(placing, moving, state, tip, velocity):
+    """Fill in the tip's displacement and velocity (x, y)."""
+    tip[:], velocity[:] = 0.0, 0.0
+    for k in range(len(state)):
+        for axis in range(2):
+            tip[axis] += (placing[axis, k] * state[k]).real
+            velocity[axis] += (moving[axis, k] * state[k]).real
+
+
+@numba.njit(cache=True, nogil=True)
+def _run(
+    eigenvalue,
+    input_,
+    output,
+    step_time,
+    steps,
+    teeth,
+    radius,
+    engaged,
+    sine,
+    cosine,
+    surface,
+    feed,
+    slice_depth,
+    tangential,
+    radial,
+    ploughing,
+    size,
+    loss,
+    revolutions,
+    settled,
+    history,
 ):
     """Cut; return the revolutions that were cut. ``history`` is filled as a ring."""
     modes, cycle, kept = len(eigenvalue), len(step_time), history.shape[0]
@@ -187,25 +234,49 @@ def _run(  # type: ignore[no-untyped-def]
         for step in range(steps):
             count = revolution * steps + step
             now = count % cycle
-            tip[:], velocity[:] = 0.0, 0.0
             for k in range(modes):
                 free[k] = decay[now, k] * state[k] + constant[now, k, 0] * f_x + constant[now, k, 1] * f_y
-                for axis in range(2):
-                    tip[axis] += (placing[axis, k] * free[k]).real
-                    velocity[axis] += (moving[axis, k] * free[k]).real
+            _tip(placing, moving, free, tip, velocity)
             p_x, p_y = _force(
-                count + 1, steps, teeth, radius, engaged, sine, cosine, surface, feed, slice_depth, tangential, radial, ploughing,
-                size, tip, velocity, False,
+                count + 1,
+                steps,
+                teeth,
+                radius,
+                engaged,
+                sine,
+                cosine,
+                surface,
+                feed,
+                slice_depth,
+                tangential,
+                radial,
+                ploughing,
+                size,
+                tip,
+                velocity,
+                False,
             )
-            tip[:], velocity[:] = 0.0, 0.0
             for k in range(modes):
                 state[k] = free[k] + rising[now, k, 0] * (p_x - f_x) + rising[now, k, 1] * (p_y - f_y)
-                for axis in range(2):
-                    tip[axis] += (placing[axis, k] * state[k]).real
-                    velocity[axis] += (moving[axis, k] * state[k]).real
+            _tip(placing, moving, state, tip, velocity)
             f_x, f_y = _force(
-                count + 1, steps, teeth, radius, engaged, sine, cosine, surface, feed, slice_depth, tangential, radial, ploughing,
-                size, tip, velocity, True,
+                count + 1,
+                steps,
+                teeth,
+                radius,
+                engaged,
+                sine,
+                cosine,
+                surface,
+                feed,
+                slice_depth,
+                tangential,
+                radial,
+                ploughing,
+                size,
+                tip,
+                velocity,
+                True,
             )
             for axis in range(2):
                 largest = max(largest, abs(tip[axis] - before[step, axis]))

@@ -1,7 +1,7 @@
 """Which seed hides what: composition by design, not by chance.
 
-Of twenty seeds in a row that begin at a multiple of twenty, five hide nothing, eleven one effect, two a pair and two one
-that has no name. Effects take turns, and so do their strengths.
+Of twenty seeds in a row that begin at a multiple of twenty, five hide nothing, eleven one effect, two a pair and two
+one that has no name. Effects take turns, and so do their strengths.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,7 @@
 """Draws of hidden effects by name, from weak (strength 0) to strong (1).
 
-A name is what a diagnosis should answer; what stands in ``FOREIGN`` has no name there, and the answer is that something is missing.
+A name is what a diagnosis should answer; what stands in ``FOREIGN`` has no name there, and the answer is that
+something is missing.
 """
 
 import math
@@ -44,7 +45,7 @@ def seat_compliance(machine: Machine) -> float:
 
 
 def _process_damping(strength: float, rng: Generator, machine: Machine) -> Fields:
-    return {"ploughing_n_m": between(strength, 8e4, 9e5), "ploughing_slope": float(rng.uniform(0.03, 0.08))}
+    return {"ploughing_n_m": between(strength, 8e4, 1.5e6), "ploughing_slope": float(rng.uniform(0.03, 0.08))}
 
 
 def _gyroscopic_coupling(strength: float, rng: Generator, machine: Machine) -> Fields:
@@ -53,16 +54,16 @@ def _gyroscopic_coupling(strength: float, rng: Generator, machine: Machine) -> F
 
 def _thermal_preload(strength: float, rng: Generator, machine: Machine) -> Fields:
     lag = float(rng.choice([0.0, 3.0]))
-    return {"thermal_rise": between(strength, 0.4, 3.0), "thermal_saturation": 4.0, "thermal_lag_trials": lag}
+    return {"thermal_rise": between(strength, 0.2, 3.0), "thermal_saturation": 4.0, "thermal_lag_trials": lag}
 
 
 def _ring_expansion(strength: float, rng: Generator, machine: Machine) -> Fields:
-    return {"ring_growth": between(strength, 0.8, 5.0)}
+    return {"ring_growth": between(strength, 0.4, 5.0)}
 
 
 def _joint(strength: float, rng: Generator, machine: Machine) -> Fields:
     border = int(rng.integers(2))
-    share = between(strength, 0.05, 0.6) * tool_compliance(machine)
+    share = between(strength, 0.03, 0.6) * tool_compliance(machine)
     return {
         "joint_border": border,
         "joint_lateral_m_n": 0.25 * share,
@@ -71,14 +72,14 @@ def _joint(strength: float, rng: Generator, machine: Machine) -> Fields:
 
 
 def _housing(strength: float, rng: Generator, machine: Machine) -> Fields:
-    whole = between(strength, 0.2, 2.0) * seat_compliance(machine)
+    whole = between(strength, 0.08, 2.0) * seat_compliance(machine)
     return {"front_seat_m_n": whole, "rear_seat_m_n": whole * float(rng.uniform(0.2, 0.6))}
 
 
 def _workpiece(strength: float, rng: Generator, machine: Machine, axis: int) -> ForeignMode:
     """Draw a mode whose resonance is so many times the tool's, taken to have a damping ratio of 0.04."""
     damping, frequency = float(rng.uniform(0.008, 0.025)), float(rng.uniform(280.0, 1100.0))
-    peak = between(strength, 0.25, 3.0) * tool_compliance(machine) / (2.0 * 0.04)
+    peak = between(strength, 0.5, 8.0) * tool_compliance(machine) / (2.0 * 0.04)
     stiffness = 1.0 / (2.0 * damping * peak)
     return ForeignMode(
         axis=axis,
@@ -109,7 +110,7 @@ def _chip_thickness(strength: float, rng: Generator, machine: Machine) -> Fields
 
 
 def _damping(strength: float, rng: Generator, machine: Machine) -> Fields:
-    rise = between(strength, 0.5, 3.0)
+    rise = between(strength, 0.3, 3.0)
     falls = rng.random() < 0.3
     return {
         "damping_rise": -rise / (1.0 + rise) if falls else rise,
@@ -118,7 +119,7 @@ def _damping(strength: float, rng: Generator, machine: Machine) -> Fields:
 
 
 def _asymmetry(strength: float, rng: Generator, machine: Machine) -> Fields:
-    return {"front_seat_y_m_n": between(strength, 0.25, 3.0) * seat_compliance(machine)}
+    return {"front_seat_y_m_n": between(strength, 0.1, 3.0) * seat_compliance(machine)}
 
 
 def _runout(strength: float, rng: Generator, machine: Machine) -> Fields:
@@ -145,7 +146,7 @@ def _immersion(strength: float, rng: Generator, machine: Machine) -> Fields:
 
 
 def _drawbar(strength: float, rng: Generator, machine: Machine) -> Fields:
-    share = between(strength, 0.1, 1.0) * tool_compliance(machine)
+    share = between(strength, 0.02, 0.35) * tool_compliance(machine)
     return {"joint_border": 1, "drawbar_rotational_rad_nm": share / lever(machine, 1) ** 2}
 
 

@@ -6,11 +6,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 OUTCOMES = ("stable", "marginal", "chatter")
-#: Sizes of the motion that does not repeat, over the feed per tooth: below the first a cut is stable, above the second it
-#: chatters; between them it is marginal unless it is dying out.
-QUIET, LOUD = 0.02, 0.12
+#: Sizes of the motion that does not repeat, over the feed per tooth: below the first a cut is stable, above the
+#: second it chatters; between them it is marginal unless it is dying out.
+QUIET, LOUD = 0.008, 0.12
 #: A motion is dying out when its second half is smaller than the first by this factor.
-DYING = 0.9
+DYING = 0.75
 
 
 def not_repeating(motion: Array, period: int) -> Array:
@@ -31,7 +31,7 @@ def outcome(motion: Array, period: int, feed_per_tooth: float) -> str:
 
 
 def chatter_frequency(motion: Array, period: int, step_time: float) -> float:
-    """Return the strongest line [Hz] of what does not repeat, between the lines by a parabola through the logarithms."""
+    """Return the strongest line [Hz] of what does not repeat; between lines by a parabola through the logarithms."""
     rest = not_repeating(motion, period)
     window = np.hanning(len(rest))[:, None]
     power = (np.abs(np.fft.rfft(rest * window, axis=0)) ** 2).sum(axis=1)

@@ -8,7 +8,7 @@ import numpy as np
 from tests.hidden_effect.cutting import Cut, simulate
 from tests.hidden_effect.hidden import Hidden, force_factor, true_immersion
 from tests.hidden_effect.judgement import chatter_frequency, outcome
-from tests.hidden_effect.machine import Machine
+from tests.hidden_effect.machine import Machine, Tool
 from tests.hidden_effect.structure import Spindle, Tip, workpiece
 
 #: A step is this share of the period of the highest mode below HIGHEST_HZ, and of a tooth's period, at most.
@@ -19,7 +19,8 @@ SLICE_LAG = 0.12
 #: A cut lasts so long, and at least so many revolutions; the end of it is observed [s], [revolutions].
 DURATION, LEAST_REVOLUTIONS = 0.8, 50
 OBSERVED, LEAST_OBSERVED = 0.16, 12
-#: Change between revolutions, over the feed per tooth, at which a cut has settled: so small that what still grows is seen.
+#: Change between revolutions, over the feed per tooth, at which a cut has settled: so small that what still grows is
+#: seen.
 SETTLED = 3e-4
 
 
@@ -67,16 +68,20 @@ def tooth_steps(hidden: Hidden, teeth: int, steps: int) -> np.ndarray:
     return even + np.round(np.array(hidden.pitch_errors_deg) / 360.0 * steps).astype(np.int64)
 
 
-def cut_of(machine: Machine, hidden: Hidden, condition: Condition, tip: Tip) -> Cut:
-    """Return what is cut under a condition."""
-    tool, speed = machine.tool, condition.speed_rpm * math.pi / 30.0
+def steps_of(tool: Tool, speed: float, tip: Tip) -> int:
+    """Return the steps of a revolution: fine enough for the highest mode that a cut can wake."""
     waves = tip.eigenvalue.imag / (2.0 * math.pi)
     highest = max(float(waves[waves <= HIGHEST_HZ].max(initial=0.0)), 1500.0)
     a_tooth = 2.0 * math.pi / (speed * tool.teeth)
-    steps = tool.teeth * max(STEPS_A_TOOTH, math.ceil(a_tooth * highest * STEPS_A_WAVE))
+    return tool.teeth * max(STEPS_A_TOOTH, math.ceil(a_tooth * highest * STEPS_A_WAVE))
+
+
+def cut_of(machine: Machine, hidden: Hidden, condition: Condition, tip: Tip) -> Cut:
+    """Return what is cut under a condition."""
+    tool, speed = machine.tool, condition.speed_rpm * math.pi / 30.0
+    steps = steps_of(tool, speed, tip)
     immersion = true_immersion(hidden, condition.radial_immersion, condition.depth_m)
-    direction = condition.direction if immersion < 1.0 else "slot"
-    entry, leaving = arc(direction, immersion)
+    entry, leaving = arc(condition.direction if immersion < 1.0 else "slot", immersion)
     lag = 2.0 * condition.depth_m * math.tan(math.radians(tool.helix_deg)) / tool.diameter_m
     tangential, radial = force_coefficients(machine)
     factor = force_factor(hidden, machine, speed, condition.order)
@@ -109,6 +114,14 @@ def _size_norm(machine: Machine, hidden: Hidden) -> float:
     return 1.0 / (1.0 + hidden.size_effect * hidden.size_chip_m / (hidden.size_chip_m + mean))
 
 
+def repeating_steps(cut: Cut, hidden: Hidden, teeth: int) -> int:
+    """Return the steps after which an undisturbed cut repeats: those of a tooth, a revolution or a ripple."""
+    if hidden.ripple != 0.0:
+        return round(cut.steps / hidden.ripple_per_revolution)
+    unequal = hidden.runout_m != 0.0 or bool(hidden.pitch_errors_deg)
+    return cut.steps if unequal else cut.steps // teeth
+
+
 def cut_trial(spindle: Spindle, condition: Condition, preload_factor: float = 1.0) -> Result:
     """Cut, observe and judge."""
     machine, hidden = spindle.machine, spindle.hidden
@@ -125,10 +138,10 @@ def cut_trial(spindle: Spindle, condition: Condition, preload_factor: float = 1.
         observed=max(LEAST_OBSERVED, math.ceil(OBSERVED * a_second)),
         settled=SETTLED * condition.feed_per_tooth_m,
     )
-    # Teeth that differ repeat themselves once a revolution only.
-    unequal = hidden.runout_m != 0.0 or hidden.pitch_errors_deg
-    period = cut.steps if unequal else cut.steps // machine.tool.teeth
+    period = repeating_steps(cut, hidden, machine.tool.teeth)
     judged = outcome(motion, period, condition.feed_per_tooth_m)
     if judged != "chatter":
         return Result(outcome=judged, chatter_frequency_hz=math.nan)
-    return Result(outcome=judged, chatter_frequency_hz=chatter_frequency(motion, period, 60.0 / condition.speed_rpm / cut.steps))
+    return Result(
+        outcome=judged, chatter_frequency_hz=chatter_frequency(motion, period, 60.0 / condition.speed_rpm / cut.steps)
+    )

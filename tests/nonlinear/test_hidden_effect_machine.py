@@ -1,9 +1,10 @@
 """The machine that hides effects, with nothing hidden, against the program: bearing, receptances, stability.
 
-Two codes that share nothing: what a campaign's ``machine.yaml`` says has to mean the same machine in both. Here papers are
-without errors and measurements without noise.
+Two codes that share nothing: what a campaign's ``machine.yaml`` says has to mean the same machine in both. Here
+papers are without errors and measurements without noise.
 """
 
+import itertools
 import math
 
 import numpy as np
@@ -26,8 +27,8 @@ from tests.hidden_effect.machine import NITRIDE, STEEL, Bearing, described
 from tests.hidden_effect.structure import CUT_MODES, RECEPTANCE_MODES, Spindle
 
 RPM = math.pi / 30.0
-#: Seeds that hide nothing; straight and helical teeth, slot, up and down are among them.
-SEEDS = (1001, 1003, 1005)
+#: Seeds that hide nothing; up- and down-milling, two and three helical teeth.
+SEEDS = (1003, 1009)
 
 
 @pytest.fixture(scope="module", params=SEEDS)
@@ -38,8 +39,7 @@ def shop(request):
     return drawn
 
 
-@pytest.mark.parametrize("row", BEARINGS)
-@pytest.mark.parametrize("ball", [STEEL, NITRIDE])
+@pytest.mark.parametrize(("row", "ball"), zip(BEARINGS, itertools.cycle([STEEL, NITRIDE])))
 def test_bearings_are_as_stiff_at_every_speed(row, ball):
     _, pitch, diameter, count, inner, outer, highest = row
     bearing = Bearing(
@@ -51,8 +51,8 @@ def test_bearings_are_as_stiff_at_every_speed(row, ball):
         outer_conformity=outer,
         ball=ball,
     )
-    shown = Spindle(draw_shop(SEEDS[0], errors=0.0).papers, Hidden()).machine
-    keys = described(shown)["bearing"] | {
+    keys = {
+        "ring": {"youngs_modulus_gpa": 206.0, "poisson_ratio": 0.3, "density_kg_m3": 7800.0},
         "pitch_diameter_mm": pitch,
         "ball_diameter_mm": diameter,
         "ball_count": count,
@@ -80,21 +80,22 @@ def test_receptances_agree(shop):
         expected = tip.receptance(built.modes, frequency)[0]
         found = Spindle(shop.truth, Hidden()).tip(rpm * RPM, modes=RECEPTANCE_MODES).receptance(frequency)
         # Frequencies of the two beams differ by 1e-4 (the size of the elements here), which a resonance with a damping
-        # ratio of 0.02 shows as 1e-4/(2 * 0.02) of itself; modes above 20 kHz are left out here and are worth another 1 %.
+        # ratio of 0.02 shows as 1e-4/(2 * 0.02) of itself; modes above 20 kHz are left out here and are worth another
+        # 1 %.
         assert np.abs(found - expected).max() < 0.01 * np.abs(expected).max()
 
 
-def test_gyroscopic_receptances_agree(shop):
+def test_gyroscopic_receptances_agree():
+    shop = draw_shop(SEEDS[1], errors=0.0)
     papers = prepared(shop.papers, "gyroscopic_coupling", 0.5)
     described_machine = ProgramMachine.model_validate(described(papers)).spindle
     rotor = program_spindle.assemble(described_machine)
     damping = described_machine.damping
-    if damping.kind != "proportional":
-        pytest.skip("the direct solution has no modal damping")
+    assert damping.kind == "proportional"  # the direct solution has no modal damping
     speed = shop.highest_rpm * RPM
     spindle = Spindle(papers, Hidden(gyroscopic=1.0))
     stiffness = spindle.bearing_stiffness(speed, papers.preload_n) * np.array([seat.count for seat in papers.seats])
-    frequency = 2.0 * np.pi * np.arange(100.0, 4500.0, 25.0)
+    frequency = 2.0 * np.pi * np.arange(100.0, 4500.0, 90.0)
     # Teeth and rotor turn from +y to +x.
     expected = program_spindle.direct_receptance(rotor, damping, stiffness, frequency, spin_speed=-speed)
     found = spindle.tip(speed, modes=RECEPTANCE_MODES).receptance(frequency)
@@ -106,14 +107,13 @@ def test_gyroscopic_receptances_agree(shop):
 def test_labels_agree_with_floquet_theory(shop):
     conditions, results = cut_all(shop, np.random.default_rng(0))
     judged = [(c, r.outcome) for c, r in zip(conditions, results, strict=True) if r.outcome != "marginal"]
-    # Every third cut is enough, and takes a third of the time.
-    judged = judged[::3]
     program = ProgramMachine.model_validate(described(shop.papers))
     built = structure(program, np.array([c.speed_rpm * RPM for c, _ in judged]), mode_count=CUT_MODES)
     depth = np.array([c.depth_m for c, _ in judged])
     found = evaluate(program, built, np.arange(len(judged)), depth, COLLOCATION, np.full(len(judged), 1.0))
     agree = (found.spectral_radius > 1.0) == np.array([outcome == "chatter" for _, outcome in judged])
-    # Cuts within two or three per cent of the limit may end either way: they take long to tell, and chips that
-    # tear off are no longer linear. Ladders of depths with a ratio of 1.5 put 3 % of the cuts there.
+    # Cuts within one per cent of the limit may end either way: teeth that enter with a chip thinner than the vibration
+    # lose contact, which no linear theory knows. Ladders of depths have 1 to 2 % of their cuts there.
     assert np.mean(agree) >= 0.97
+    assert np.abs(found.spectral_radius[~agree] - 1.0).max(initial=0.0) < 0.03
     assert {outcome for _, outcome in judged} == {"stable", "chatter"}
