@@ -95,6 +95,7 @@ def impact_cut(depth, **changed):
         lag=0.0,
         cutting_speed=10.0,
         slices=1,
+        stock=math.inf,
     )
     return replace(cut, **changed)
 

@@ -26,7 +26,8 @@ class Cut:
     of each tooth beyond the nominal; entry, exit: of the engagement; tangential, radial: force over chip's area; lag:
     of the edge over the axial depth; ploughing: force slope over depth and relative penetration, with friction share
     and half slope; size_effect: rise at vanishing chip, its chip and the factor that keeps the described force at the
-    mean chip; ripple: of the speed and periods of it in a revolution; damping_loss: share and amplitude.
+    mean chip; stock: radial depth, no chip is thicker; ripple: of the speed and periods of it in a revolution;
+    damping_loss: share and amplitude.
     """
 
     speed: float
@@ -42,6 +43,7 @@ class Cut:
     lag: float
     cutting_speed: float
     slices: int
+    stock: float
     ploughing: tuple[float, float] = (0.0, 1.0)
     size_effect: tuple[float, float, float] = (0.0, 1.0, 1.0)
     ripple: tuple[float, float] = (0.0, 1.0)
@@ -86,6 +88,7 @@ def simulate(cut: Cut, tip: Tip, *, revolutions: int, observed: int, settled: fl
         cut.depth / cut.slices,
         cut.tangential,
         cut.radial,
+        cut.stock,
         np.array([*cut.ploughing, cut.cutting_speed]),
         np.array(cut.size_effect),
         np.array(cut.damping_loss),
@@ -151,6 +154,7 @@ def _force(
     slice_depth,
     tangential,
     radial,
+    stock,
     ploughing,
     size,
     tip,
@@ -167,7 +171,7 @@ def _force(
                 continue
             sin, cos = sine[s, at], cosine[s, at]
             edge = radius[tooth] + feed * count / steps * sin + tip[0] * sin + tip[1] * cos
-            chip = edge - surface[s, at]
+            chip = min(edge - surface[s, at], stock)
             if chip <= 0.0:
                 continue
             factor = 1.0
@@ -214,6 +218,7 @@ def _run(
     slice_depth,
     tangential,
     radial,
+    stock,
     ploughing,
     size,
     loss,
@@ -250,6 +255,7 @@ def _run(
                 slice_depth,
                 tangential,
                 radial,
+                stock,
                 ploughing,
                 size,
                 tip,
@@ -272,6 +278,7 @@ def _run(
                 slice_depth,
                 tangential,
                 radial,
+                stock,
                 ploughing,
                 size,
                 tip,

@@ -142,7 +142,7 @@ def _immersion(strength: float, rng: Generator, machine: Machine) -> Fields:
     size = between(strength, 0.1, 0.5) * nominal
     if rng.random() < 0.5:
         return {"immersion_per_depth_1_m": size / 2e-3}
-    return {"immersion_offset": -size if nominal == 1.0 or rng.random() < 0.7 else size}
+    return {"immersion_offset": -size if rng.random() < 0.7 else size}
 
 
 def _drawbar(strength: float, rng: Generator, machine: Machine) -> Fields:
@@ -210,18 +210,20 @@ FOREIGN: dict[str, Draw] = {
 
 
 def prepared(machine: Machine, name: str, strength: float) -> Machine:
-    """Return the machine on which an effect can be strong: gyroscopic moments need a heavy disc on the holder.
+    """Return the machine on which an effect can show; what is changed stands in the machine's papers.
 
-    The disc stands in the machine's papers; only what it does is hidden.
+    Gyroscopic moments need a heavy disc on the holder; a full slot has no radial depth to be wrong about.
     """
-    if name != "gyroscopic_coupling":
-        return machine
-    tool, holder = machine.sections[:2]
-    disc = Disc(
-        position_m=round(tool.length_m + holder.length_m / 2.0, 4),
-        width_m=0.02,
-        outer_diameter_m=round(between(strength, 0.09, 0.15), 3),
-        inner_diameter_m=holder.outer_diameter_m,
-        density_kg_m3=7800.0,
-    )
-    return replace(machine, discs=(disc,))
+    if name == "gyroscopic_coupling":
+        tool, holder = machine.sections[:2]
+        disc = Disc(
+            position_m=round(tool.length_m + holder.length_m / 2.0, 4),
+            width_m=0.02,
+            outer_diameter_m=round(between(strength, 0.09, 0.15), 3),
+            inner_diameter_m=holder.outer_diameter_m,
+            density_kg_m3=7800.0,
+        )
+        return replace(machine, discs=(disc,))
+    if name == "radial_immersion_error" and machine.process.direction == "slot":
+        return replace(machine, process=replace(machine.process, direction="down", radial_immersion=0.5))
+    return machine

@@ -81,7 +81,7 @@ def cut_of(machine: Machine, hidden: Hidden, condition: Condition, tip: Tip) -> 
     tool, speed = machine.tool, condition.speed_rpm * math.pi / 30.0
     steps = steps_of(tool, speed, tip)
     immersion = true_immersion(hidden, condition.radial_immersion, condition.depth_m)
-    entry, leaving = arc(condition.direction if immersion < 1.0 else "slot", immersion)
+    entry, leaving = arc(condition.direction, immersion)
     lag = 2.0 * condition.depth_m * math.tan(math.radians(tool.helix_deg)) / tool.diameter_m
     tangential, radial = force_coefficients(machine)
     factor = force_factor(hidden, machine, speed, condition.order)
@@ -100,6 +100,7 @@ def cut_of(machine: Machine, hidden: Hidden, condition: Condition, tip: Tip) -> 
         lag=lag,
         cutting_speed=speed * tool.diameter_m / 2.0,
         slices=max(1, math.ceil(lag / SLICE_LAG)),
+        stock=immersion * tool.diameter_m,
         ploughing=(hidden.ploughing_n_m, hidden.ploughing_slope),
         size_effect=(hidden.size_effect, hidden.size_chip_m, _size_norm(machine, hidden)),
         ripple=(hidden.ripple, hidden.ripple_per_revolution),

@@ -39,7 +39,7 @@ def shop(request):
     return drawn
 
 
-@pytest.mark.parametrize(("row", "ball"), zip(BEARINGS, itertools.cycle([STEEL, NITRIDE])))
+@pytest.mark.parametrize(("row", "ball"), list(zip(BEARINGS, itertools.cycle([STEEL, NITRIDE]))))
 def test_bearings_are_as_stiff_at_every_speed(row, ball):
     _, pitch, diameter, count, inner, outer, highest = row
     bearing = Bearing(
