@@ -120,14 +120,22 @@ class Climb:
 
     def slope(self, values: Array, evaluation: Evaluation, deviation: Array) -> tuple[Array, Array]:
         """Return gradient and information of the log posterior, in units of the priors' widths."""
+        jacobian, gradient = self.derivatives(values, evaluation, deviation)
+        information = jacobian.T @ jacobian
+        prior = (values - self.mean) / self.width
+        return np.where(self.free, gradient - prior, 0.0), information + np.eye(len(values))
+
+    def derivatives(self, values: Array, evaluation: Evaluation, deviation: Array) -> tuple[Array, Array]:
+        """Return the derivatives of the coordinates (coordinate, parameter) and of the log-likelihood (parameter,).
+
+        Both in units of the priors' widths; deviation: (parameter,), over a share of which differences are taken.
+        """
         gradient = np.zeros(len(values))
         jacobian = np.zeros((len(evaluation.coordinates), len(values)))
         for index in np.flatnonzero(self.free):
             size = min(DIFFERENCE_SHARE * deviation[index], LARGEST_DIFFERENCE * self.width[index])
             jacobian[:, index], gradient[index] = self._differences(values, evaluation, int(index), size)
-        information = jacobian.T @ jacobian
-        prior = (values - self.mean) / self.width
-        return np.where(self.free, gradient - prior, 0.0), information + np.eye(len(values))
+        return jacobian, gradient
 
     def _differences(self, values: Array, here: Evaluation, index: int, size: float) -> tuple[Array, float]:
         """Return the derivatives of the coordinates (coordinate,) and of the log-likelihood by one parameter.
