@@ -1,6 +1,7 @@
 """The README's machines run, and what it says of commands is true."""
 
 import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -30,7 +31,7 @@ def test_machines_of_the_readme_run(block, tmp_path, capsys):
 def test_words_of_the_readme_are_understood(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     lines = [line for line in README.splitlines() if line.strip().startswith("python -m pipeline")]
-    points = [line.split()[3:] for line in lines if " point " in line]
+    points = [shlex.split(line, comments=True)[3:] for line in lines if " point " in line]
     assert points
     for words in points:
         assert main(words) == 0
