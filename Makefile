@@ -6,7 +6,7 @@ STUDY  ?= reference
 ARGS   ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep point compare predict identify paper template report bench test clean
+.PHONY: help run sweep point compare diagnose improve predict identify paper template report bench test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -23,6 +23,12 @@ point: $(VENV)/.installed ## the whole chain at one operating point, by ARGS="sp
 
 compare: $(VENV)/.installed ## a model held against a campaign, by CAMPAIGN=DIR
 	$(BIN)/python -m pipeline compare campaign=$(CAMPAIGN) $(ARGS)
+
+diagnose: $(VENV)/.installed ## which physical effect is missing in a model, by CAMPAIGN=DIR
+	$(BIN)/python -m pipeline diagnose campaign=$(CAMPAIGN) $(ARGS)
+
+improve: $(VENV)/.installed ## diagnose, add what is missing and calibrate again, by CAMPAIGN=DIR
+	$(BIN)/python -m pipeline improve campaign=$(CAMPAIGN) $(ARGS)
 
 predict: $(VENV)/.installed ## what a model says of planned cuts, by CAMPAIGN=DIR ARGS="trials=FILE.csv predictions=FILE.csv"
 	$(BIN)/python -m pipeline predict campaign=$(CAMPAIGN) $(ARGS)

@@ -17,6 +17,8 @@ VERBS = {
     "sweep": "compute a grid of operating points into a store, with lobes, tables, figures and report",
     "point": "the whole chain at one operating point",
     "compare": "a model held against a campaign: how good it is, calibrated and not, and where it fails",
+    "diagnose": "which physical effect is missing in a model, by a campaign",
+    "improve": "diagnose, add what is missing, calibrate again, until nothing more is supported",
     "predict": "what a model says of cuts that are planned",
     "identify": "tip modes from measured receptances, as a machine file with uncertainties",
     "paper": "the paper's findings on the reference machine: figures P1 to P9 and a table of what holds",
@@ -42,6 +44,8 @@ examples
   python -m pipeline identify campaign=my_campaign output=machine_tip.yaml
   python -m pipeline template output=my_campaign
   python -m pipeline compare campaign=my_campaign
+  python -m pipeline diagnose campaign=my_campaign
+  python -m pipeline improve campaign=my_campaign output=results/improved
   python -m pipeline predict campaign=my_campaign model=model.yaml trials=plan.csv predictions=out.csv
   python -m pipeline report output=results/smoke-1234abcd
 
@@ -56,6 +60,9 @@ options of verbs
   point     spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static,
             format=text|json, output=DIR, effects=[NAME,...], base=full|static_bearing
   compare   campaign=DIR, model=FILE.yaml, output=DIR
+            base=full|static_bearing, modes=N, effects=[NAME,...]
+  diagnose  as compare
+  improve   campaign=DIR, base, modes, effects, output=DIR
   predict   campaign=DIR, model=FILE.yaml, trials=FILE.csv, predictions=FILE.csv
   identify  frf=FILE.csv|FILE.uff or campaign=DIR, modes, lowest_frequency_hz, highest_frequency_hz,
             output=FILE.yaml

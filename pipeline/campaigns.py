@@ -1,16 +1,22 @@
-"""What the verbs that take a campaign have in common: options, reading, and what the reader says."""
+"""What the verbs that take a campaign have in common: options, reading, and the model that is asked for."""
 
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from chatter_core.effects import Effect, effect_class
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Campaign, CampaignModel, base_model, read_campaign
-from chatter_core.evidence.belief import Belief
+from chatter_core.evidence.belief import PRIORS, Belief
+from chatter_core.parameters import Array, Parameter
 from chatter_core.reading import sentences, shown
+from chatter_core.stages import Stages
 from pipeline import model_file
-from pipeline.configuration import Words, compose_settings
-from pipeline.settings import Cluster
+from pipeline.configuration import EFFECTS, Words, compose_settings
+from pipeline.settings import Cluster, Settings
 
 
 class CampaignOptions(BaseModel):
@@ -20,6 +26,26 @@ class CampaignOptions(BaseModel):
 
     campaign: Path = Field(description="folder of the campaign")
     model: Path | None = Field(default=None, description="calibrated model; without it machine.yaml as it stands")
+    base: Literal["full", "static_bearing"] = Field(default="full", description="what the base model holds")
+    modes: int | None = Field(default=None, ge=1, le=100, description="modes of each axis that the base model keeps")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standstill:
+    """A base model whose bearings never turn: a term without parameters, which acts before all others."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """None."""
+        return ()
+
+    def apply(self, stages: Stages, values: Array) -> Stages:
+        """Return the stages with the balls at rest."""
+        return replace(stages, bearing_speed=_no_speed)
+
+
+def _no_speed(spindle_speed: Array, modal_parameters: str) -> Array:
+    return np.zeros_like(spindle_speed)
 
 
 def options_of(words: Words, kind: type[CampaignOptions], verb: str) -> CampaignOptions:
@@ -29,31 +55,92 @@ def options_of(words: Words, kind: type[CampaignOptions], verb: str) -> Campaign
     own machine is taken.
     """
     foreign = [*(key for key in words.choices if key != "cluster"), *(["machine"] if words.machine_file else [])]
-    foreign += [word.partition("=")[0] for word in words.values if not word.startswith("cluster.")]
+    keys = [word.partition("=")[0] for word in words.values]
+    foreign += [key for key in keys if key.split(".")[0] not in ("cluster", EFFECTS)]
     if foreign:
         raise InvalidInput([f"{word}: not for {verb}, which takes the campaign's own machine.yaml" for word in foreign])
     try:
-        return kind.model_validate(words.options)
+        options = kind.model_validate({key: value for key, value in words.options.items() if key != EFFECTS})
     except ValidationError as error:
         raise InvalidInput(sentences(error, kind)) from None
+    if options.model is not None:
+        given = [key for key in ("base", "modes", EFFECTS) if key in words.options]
+        if given:
+            raise InvalidInput([f"{key}: not beside model, whose file says it" for key in given])
+    return options
 
 
 def cluster_of(words: Words) -> Cluster:
     """Return where the verb's work is computed."""
-    return compose_settings(words).cluster
+    return _settings_of(words).cluster
 
 
-def read(options: CampaignOptions) -> tuple[CampaignModel, Belief]:
-    """Return the campaign's model with what is known of its parameters, and tell what the reader found odd.
+def _settings_of(words: Words) -> Settings:
+    return compose_settings(replace(words, options={k: v for k, v in words.options.items() if k == EFFECTS}))
+
+
+def read(options: CampaignOptions, words: Words) -> tuple[CampaignModel, Belief, model_file.Content]:
+    """Return the campaign's model, what is known of its parameters, and what the model is made of.
+
+    What the reader found odd is told.
 
     Raises InvalidInput with the findings of all files.
     """
     campaign = read_campaign(options.campaign)
-    model = base_model(campaign)
-    belief = model_file.belief_of(options.model, model)
+    if options.model is not None:
+        found = model_file.read(options.model, campaign.machine)
+        content = found.content
+    else:
+        configured: dict[str, dict[str, Any]] = _settings_of(words).effects
+        settings = {name: _settings_among(name, values) for name, values in configured.items()}
+        content = model_file.Content(base=options.base, modes=options.modes, effects=settings)
+    model = model_of(campaign, content)
+    if options.model is not None:
+        belief = model_file.belief_of(found, options.model, model)
+    else:
+        belief = _as_configured(configured)
     for line in remarks(campaign):
         print(line)
-    return model, belief
+    return model, belief, content
+
+
+def model_of(campaign: Campaign, content: model_file.Content) -> CampaignModel:
+    """Return the model of a campaign that has a base and effects.
+
+    Raises InvalidInput when an effect cannot act on the machine.
+    """
+    effects = [effect_class(name)(**settings) for name, settings in content.effects.items()]
+    effects.sort(key=lambda effect: effect.place())
+    for effect in effects:
+        effect.require(campaign.machine)
+    model = base_model(campaign, tuple(effects))
+    if content.base == "static_bearing":
+        model = replace(model, terms=(Standstill(), *model.terms))
+    if content.modes is not None:
+        model = replace(model, cut_modes=content.modes, receptance_modes=content.modes)
+    return model
+
+
+def settings_of(effect: Effect) -> dict[str, str | int]:
+    """Return what was chosen of an effect."""
+    return {setting.name: getattr(effect, setting.name) for setting in effect.settings}
+
+
+def _settings_among(name: str, values: dict[str, Any]) -> dict[str, Any]:
+    return {setting.name: values[setting.name] for setting in effect_class(name).settings}
+
+
+def _as_configured(configured: dict[str, dict[str, Any]]) -> Belief:
+    """Return the configured sizes of effects, as surely as their priors have it."""
+    if not configured:
+        return PRIORS
+    pairs = [(name, parameter) for name in configured for parameter in effect_class(name).declared]
+    return Belief(
+        names=tuple(f"{name}.{parameter.name}" for name, parameter in pairs),
+        estimate=np.array([float(configured[name][parameter.name]) for name, parameter in pairs]),
+        deviation=np.array([parameter.prior_width for _, parameter in pairs]),
+        correlation=np.eye(len(pairs)),
+    )
 
 
 def remarks(campaign: Campaign) -> list[str]:

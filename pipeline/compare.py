@@ -15,7 +15,7 @@ from chatter_core.evidence.held_out import groups, held_out
 from pipeline import comparison_page, model_file
 from pipeline.campaigns import CampaignOptions, cluster_of, options_of, read
 from pipeline.cluster import open_client
-from pipeline.configuration import make_folder, sort_words
+from pipeline.configuration import EFFECTS, make_folder, sort_words
 from pipeline.jobs import Job, spread
 
 #: Setups of the cuts of which lobes are drawn, those with most cuts.
@@ -30,20 +30,20 @@ class CompareOptions(CampaignOptions):
 
 def run(words: list[str]) -> int:
     """Compare a model with a campaign and write what was found; return the exit code."""
-    sorted_words = sort_words(words, tuple(CompareOptions.model_fields))
+    sorted_words = sort_words(words, (*CompareOptions.model_fields, EFFECTS))
     options = options_of(sorted_words, CompareOptions, "compare")
     assert isinstance(options, CompareOptions)
     cluster = cluster_of(sorted_words)
     name = options.campaign.resolve().name
     output = options.output or Path("results") / f"compare-{name}"
     with threadpool_limits(1):
-        model, belief = read(options)
+        model, belief, content = read(options, sorted_words)
         make_folder(output)
         comparison = Comparison(model=model)
         with open_client(cluster) as client:
             found = compute(client, comparison, belief)
         written = comparison_page.write(found, name, output)
-        model_file.write(output / "model.yaml", model.campaign.machine, found.refitted.fit)
+        model_file.write(output / "model.yaml", model.campaign.machine, found.refitted.fit, content)
     print(comparison_page.summary(found))
     for path in [*written, output / "model.yaml"]:
         print(f"written: {path}")

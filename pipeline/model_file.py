@@ -1,14 +1,17 @@
 """A calibrated model as a file, model.yaml: what was fitted, how surely, and of which machine."""
 
+from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from chatter_core.effects import effect_class
 from chatter_core.errors import InvalidInput
-from chatter_core.evidence.belief import PRIORS, Belief
+from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.machine import Machine
@@ -22,6 +25,19 @@ HEAD = """# A calibrated model: the machine that it belongs to, effects, and par
 OF_A_RESPONSE = "receptance_"
 #: Digits of estimates, and of correlations.
 DIGITS, CORRELATION_DIGITS = 8, 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Content:
+    """What a model is made of: its base, the modes of each axis that this keeps, and effects with their settings."""
+
+    base: Literal["full", "static_bearing"] = "full"
+    modes: int | None = None
+    effects: dict[str, dict[str, Any]] = dataclass_field(default_factory=dict)
+
+    def with_effect(self, name: str, settings: dict[str, Any]) -> "Content":
+        """Return the same with one effect more."""
+        return replace(self, effects={**self.effects, name: settings})
 
 
 class FittedParameter(BaseModel):
@@ -40,7 +56,9 @@ class ModelFile(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    effects: tuple[str, ...] = Field(description="effects beyond the base model")
+    base: Literal["full", "static_bearing"] = Field(default="full", description="what the base model holds")
+    modes: int | None = Field(default=None, ge=1, le=100, description="modes of each axis that the base model keeps")
+    effects: dict[str, dict[str, Any]] = Field(description="effects beyond the base model, each with its settings")
     parameters: tuple[FittedParameter, ...] = Field(max_length=1000, description="fitted parameters")
     correlation: tuple[tuple[float, ...], ...] = Field(description="how they correlate, a row for each")
     machine: Machine = Field(description="the machine as described, that the parameters belong to")
@@ -55,6 +73,25 @@ class ModelFile(BaseModel):
             raise ValueError("correlation: the matrix must be symmetric and have no negative eigenvalue")
         return self
 
+    @model_validator(mode="after")
+    def _effects_are_known(self) -> Self:
+        for name, settings in self.effects.items():
+            try:
+                kind = effect_class(name)
+                known = [setting.name for setting in kind.settings]
+                if sorted(settings) != sorted(known):
+                    needed = ", ".join(known) or "none"
+                    raise InvalidInput([f"effects.{name}: found {', '.join(settings) or 'none'}; needed: {needed}"])
+                kind(**settings)
+            except InvalidInput as error:
+                raise ValueError("; ".join(error.problems)) from None
+        return self
+
+    @property
+    def content(self) -> Content:
+        """What the model is made of."""
+        return Content(base=self.base, modes=self.modes, effects=self.effects)
+
     @property
     def belief(self) -> Belief:
         """The parameters as predictions use them."""
@@ -66,8 +103,8 @@ class ModelFile(BaseModel):
         )
 
 
-def write(path: Path, machine: Machine, fit: Fit, effects: tuple[str, ...] = ()) -> None:
-    """Write a fit as a model file."""
+def write(path: Path, machine: Machine, fit: Fit, content: Content) -> None:
+    """Write a fit as a model file; content: what the model is made of."""
     kept = [i for i, parameter in enumerate(fit.parameters) if not parameter.name.startswith(OF_A_RESPONSE)]
     parameters = [
         {
@@ -79,13 +116,15 @@ def write(path: Path, machine: Machine, fit: Fit, effects: tuple[str, ...] = ())
         for i in kept
     ]
     correlation = [[round(float(fit.correlation[i, j]), CORRELATION_DIGITS) for j in kept] for i in kept]
-    content = {
-        "effects": list(effects),
+    written = {
+        "base": content.base,
+        **({"modes": content.modes} if content.modes is not None else {}),
+        "effects": content.effects,
         "parameters": parameters,
         "correlation": correlation,
         "machine": machine.described(),
     }
-    path.write_text(HEAD + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120), "utf-8")
+    path.write_text(HEAD + yaml.safe_dump(written, sort_keys=False, default_flow_style=None, width=120), "utf-8")
 
 
 def read(path: Path, machine: Machine) -> ModelFile:
@@ -106,15 +145,11 @@ def read(path: Path, machine: Machine) -> ModelFile:
     return found
 
 
-def belief_of(path: Path | None, model: CampaignModel) -> Belief:
-    """Return what a model file says of the parameters of a model, what data sheets leave open without one.
+def belief_of(found: ModelFile, path: Path, model: CampaignModel) -> Belief:
+    """Return what a model file says of the parameters of a model.
 
-    Raises InvalidInput when the file cannot be read, belongs to another machine, or names a parameter that the
-    model has not, or values that it does not allow.
+    Raises InvalidInput when it names a parameter that the model has not, or values that it does not allow.
     """
-    if path is None:
-        return PRIORS
-    found = read(path, model.campaign.machine)
     known = {parameter.name: parameter for parameter in model.parameters}
     problems = []
     for parameter in found.parameters:

@@ -9,14 +9,13 @@ from pydantic import Field
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
-from chatter_core.evidence import base_model
 from chatter_core.evidence.campaign import planned_trials
 from chatter_core.evidence.measured import DIRECTIONS, PLANNED, Trials
 from chatter_core.evidence.planned import PlannedCuts, planned_campaign, predict_planned
 from chatter_core.units import si_factor
 from chatter_core.variables import STATUS
-from pipeline.campaigns import CampaignOptions, options_of, read
-from pipeline.configuration import make_folder, sort_words
+from pipeline.campaigns import CampaignOptions, model_of, options_of, read
+from pipeline.configuration import EFFECTS, make_folder, sort_words
 
 
 class PredictOptions(CampaignOptions):
@@ -28,14 +27,15 @@ class PredictOptions(CampaignOptions):
 
 def run(words: list[str]) -> int:
     """Predict planned cuts and write them; return the exit code."""
-    options = options_of(sort_words(words, tuple(PredictOptions.model_fields)), PredictOptions, "predict")
+    sorted_words = sort_words(words, (*PredictOptions.model_fields, EFFECTS))
+    options = options_of(sorted_words, PredictOptions, "predict")
     assert isinstance(options, PredictOptions)
     if options.predictions.resolve() == options.trials.resolve():
         raise InvalidInput([f"predictions: {options.predictions} is the table of trials itself; name another file"])
     with threadpool_limits(1):
-        known, belief = read(options)
+        known, belief, content = read(options, sorted_words)
         trials, order = planned_trials(options.trials, known.campaign.machine)
-        model = base_model(planned_campaign(known.campaign, trials))
+        model = model_of(planned_campaign(known.campaign, trials), content)
         found = predict_planned(model, belief)
     make_folder(options.predictions.parent)
     table(trials, found).iloc[order].to_csv(options.predictions, index=False, float_format="%.8g")

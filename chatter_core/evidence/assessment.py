@@ -148,7 +148,7 @@ def _version(comparison: Comparison, fit: Fit, belief: Belief, fields: Sequence[
     campaign = comparison.model.campaign
     compared = comparison.compare(fit.estimate)
     said = told(comparison, fit.estimate, compared.prediction)
-    modes = _dominant_modes(comparison.model, compared.prediction)
+    modes = dominant_modes(comparison.model, compared.prediction)
     calibrated = None if fit.fixed.any() else fit
     return Version(
         belief=belief,
@@ -162,7 +162,11 @@ def _version(comparison: Comparison, fit: Fit, belief: Belief, fields: Sequence[
     )
 
 
-def _dominant_modes(model: CampaignModel, prediction: Prediction) -> NDArray[np.int8]:
+def dominant_modes(model: CampaignModel, prediction: Prediction) -> NDArray[np.int8]:
+    """Return which mode chatters in each trial (trial,), as the model has it; 0 where unknown.
+
+    See docs/physics.md#comparison.
+    """
     if prediction.cuts is None:
         return np.zeros(0, dtype=np.int8)
     offset = where_it_chatters(prediction.cuts.margin, prediction.cuts.crossing)

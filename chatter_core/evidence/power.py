@@ -5,9 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from chatter_core.evidence.candidates import Candidate, Hypothesis, carried, extended
+from chatter_core.evidence.comparison import Compared
 from chatter_core.evidence.newton import Climb
-from chatter_core.evidence.parameters import Array, column
+from chatter_core.evidence.parameters import Array, Evaluation
 
+#: A chatter frequency tells no more than this, in deviations: it may be that of another branch.
+MOST_OF_A_FREQUENCY = 2.0
 #: An effect that would leave less than this could not be told [nats].
 ENOUGH = 5.0
 
@@ -50,26 +53,25 @@ def power(base: Hypothesis, candidate: Candidate, slope: Array) -> Power:
         raised = min(parameter.null + parameter.prior_width, parameter.upper)
         strong[names.index(parameter.name)] = raised
     moved = comparison.evaluate(strong).coordinates - before.coordinates
-    width = np.eye(slope.shape[1])
-    followed = slope @ np.linalg.solve(slope.T @ slope + width, slope.T @ moved)
-    left = moved - followed
-    by_datum = 0.5 * left * moved
-    shares: dict[str, float] = {}
-    first = 0
-    compared = before.state
-    for name, part in compared.contributions.items():  # type: ignore[attr-defined]
-        last = first + part.coordinates.size
-        shares[name] = float(by_datum[first:last].sum())
-        first = last
-    return Power(candidate=candidate, nats=float(by_datum.sum()), by_quantity=shares)
+    parts = _quantities(before)
+    if "chatter_frequency" in parts:
+        moved[parts["chatter_frequency"]] = np.clip(
+            moved[parts["chatter_frequency"]], -MOST_OF_A_FREQUENCY, MOST_OF_A_FREQUENCY
+        )
+    followed = slope @ np.linalg.solve(slope.T @ slope + np.eye(slope.shape[1]), slope.T @ moved)
+    left = 0.5 * (moved - followed) * moved
+    return Power(
+        candidate=candidate,
+        nats=float(left.sum()),
+        by_quantity={name: float(left[part].sum()) for name, part in parts.items()},
+    )
 
 
-def sizes(hypothesis: Hypothesis) -> Array:
-    """Return the amplitudes of a hypothesis (amplitude,) in widths of their priors.
-
-    See docs/physics.md#diagnosis.
-    """
-    comparison, names = hypothesis.comparison, [p.name for c in hypothesis.candidates for p in c.amplitudes]
-    place = [[p.name for p in comparison.parameters].index(name) for name in names]
-    null, width = column(comparison.parameters, "null"), column(comparison.parameters, "prior_width")
-    return np.asarray(((hypothesis.fit.estimate - null) / width)[place])
+def _quantities(evaluation: Evaluation) -> dict[str, slice]:
+    """Return which coordinates belong to each quantity."""
+    parts, first = {}, 0
+    assert isinstance(evaluation.state, Compared)
+    for name, part in evaluation.state.contributions.items():
+        parts[name] = slice(first, first + part.coordinates.size)
+        first += part.coordinates.size
+    return parts

@@ -1,0 +1,82 @@
+"""The cut that would part two hypotheses best: where what they expect differs most, their doubts included."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from chatter_core.evidence.belief import fitted
+from chatter_core.evidence.campaign import Campaign
+from chatter_core.evidence.candidates import Hypothesis
+from chatter_core.evidence.columns import NO_WORD
+from chatter_core.evidence.measured import Trials
+from chatter_core.evidence.nuisances import TYPICAL_MISLABELLED
+from chatter_core.evidence.parameters import Array
+from chatter_core.evidence.planned import planned_campaign, predict_planned
+
+#: Speeds and depths that are tried, within those of the campaign's own cuts.
+SPEEDS, DEPTHS = 24, 12
+
+
+@dataclass(frozen=True, kw_only=True)
+class NextTrial:
+    """A cut: spindle_speed [rad/s], axial_depth [m]; probability of chatter by each hypothesis; and expected gain.
+
+    expected_gain: mean of both Kullback-Leibler divergences of the label [nats].
+    """
+
+    spindle_speed: float
+    axial_depth: float
+    probability: tuple[float, float]
+    expected_gain: float
+
+
+def next_trial(one: Hypothesis, other: Hypothesis) -> NextTrial | None:
+    """Return the cut whose label parts two hypotheses best; None without cuts, whose range is kept to.
+
+    See docs/physics.md#diagnosis.
+    """
+    campaign = one.comparison.model.campaign
+    if campaign.trials is None:
+        return None
+    plan = _plan(campaign.trials)
+    first, second = (_chatter(hypothesis, campaign, plan) for hypothesis in (one, other))
+    gain = 0.5 * (first - second) * (_logit(first) - _logit(second))
+    best = int(np.nan_to_num(gain).argmax())
+    return NextTrial(
+        spindle_speed=float(plan.spindle_speed[best]),
+        axial_depth=float(plan.axial_depth[best]),
+        probability=(float(first[best]), float(second[best])),
+        expected_gain=float(np.nan_to_num(gain)[best]),
+    )
+
+
+def _plan(trials: Trials) -> Trials:
+    """Return cuts over the range of some, set up as the machine is."""
+    speed = np.linspace(trials.spindle_speed.min(), trials.spindle_speed.max(), SPEEDS)
+    depth = np.geomspace(trials.axial_depth.min(), trials.axial_depth.max(), DEPTHS)
+    grid = [axis.ravel() for axis in np.meshgrid(speed, depth, indexing="ij")]
+    nothing = np.full(len(grid[0]), np.nan)
+    return Trials(
+        trial=np.arange(len(grid[0])),
+        spindle_speed=grid[0],
+        axial_depth=grid[1],
+        outcome=np.zeros(len(grid[0]), dtype=np.int8),
+        chatter_frequency=nothing,
+        preload=nothing,
+        radial_immersion=nothing,
+        feed_per_tooth=nothing,
+        direction=np.full(len(grid[0]), NO_WORD, dtype=np.int8),
+        unknown={},
+    )
+
+
+def _chatter(hypothesis: Hypothesis, campaign: Campaign, plan: Trials) -> Array:
+    """Return the probability that each cut is called chatter (trial,), wrong labels included."""
+    model = hypothesis.comparison.model
+    planned = replace(model, campaign=planned_campaign(campaign, plan))
+    probability = predict_planned(planned, fitted(hypothesis.fit)).probability_chatter
+    return np.asarray(TYPICAL_MISLABELLED + (1.0 - 2.0 * TYPICAL_MISLABELLED) * probability)
+
+
+def _logit(probability: Array) -> Array:
+    return np.asarray(np.log(probability / (1.0 - probability)))

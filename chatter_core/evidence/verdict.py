@@ -1,0 +1,124 @@
+"""What a campaign says is missing in a model: one of five answers, and none of them is forced.
+
+``none``: what is left is what noise explains. ``effect``: this one, or these two. ``ambiguous``: one of these,
+which the data cannot part. ``unexplained``: something is left that no candidate mends. ``underpowered``: these
+measurements could not have shown it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from chatter_core.evidence.failures import Failure
+from chatter_core.evidence.power import ENOUGH, Power
+from chatter_core.evidence.ranking import NOTHING, Ranked
+
+#: An effect is named when it has this probability; several are tied when they have it together.
+NAMED, TIED_TOGETHER = 0.8, 0.9
+#: More than this many are not a tie but ignorance.
+MOST_TIED = 3
+#: A pair is named when it gains so much over its better half [nats].
+PAIR_GAIN = 5.0
+#: What is left counts as a failed check when it is so improbable by chance.
+CHECK_CHANCE = 0.002
+#: Nothing can be said to be missing when fewer candidates than this share would have been seen.
+SEEN_SHARE = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """The answer. kind: one of the five; missing: names, none unless kind is effect or ambiguous; text: why."""
+
+    kind: str
+    missing: tuple[str, ...]
+    text: str
+
+
+def failed_checks(left: Sequence[Failure]) -> list[Failure]:
+    """Return the failures that a right model would hardly show.
+
+    See docs/physics.md#diagnosis.
+    """
+    return [failure for failure in left if failure.chance <= CHECK_CHANCE]
+
+
+def decide(
+    ranking: Sequence[Ranked],
+    pair: Ranked | None,
+    powers: Sequence[Power],
+    left: Mapping[str, Sequence[Failure]],
+) -> Verdict:
+    """Return the verdict.
+
+    ranking: nothing missing and single effects, the most probable first; pair: the best of those with the
+    first of them, None where none was tried; powers: of all candidates; left: where each of these still
+    fails, by name.
+
+    See docs/physics.md#diagnosis.
+    """
+    first = ranking[0]
+    if first.name == NOTHING:
+        return _nothing(first, powers, failed_checks(left[NOTHING]))
+    gained = pair is not None and pair.gain > first.gain + PAIR_GAIN
+    if gained and pair is not None:
+        checks = failed_checks(left[pair.name])
+        if not checks:
+            names = tuple(sorted(pair.best.names))
+            text = f"Two effects are missing, {' and '.join(names)}: together they gain {pair.gain:.0f} nats."
+            return Verdict(kind="effect", missing=names, text=text)
+    else:
+        checks = failed_checks(left[first.name])
+    if checks:
+        best = pair.name if gained and pair is not None else first.name
+        return Verdict(
+            kind="unexplained",
+            missing=(),
+            text=f"Something is missing that no candidate explains: with {best}, "
+            f"the best of them, {len(checks)} checks still fail. {checks[0].text}",
+        )
+    return _named(ranking)
+
+
+def _nothing(first: Ranked, powers: Sequence[Power], checks: Sequence[Failure]) -> Verdict:
+    if checks:
+        text = f"Something is missing that no candidate explains. {checks[0].text}"
+        return Verdict(kind="unexplained", missing=(), text=text)
+    names = {power.candidate.name for power in powers}
+    seen = {power.candidate.name for power in powers if power.nats >= ENOUGH}
+    if len(seen) < SEEN_SHARE * len(names):
+        text = (
+            f"These measurements cannot tell: of {len(names)} effects, {len(seen)} would have been seen at their usual "
+            "size."
+        )
+        return Verdict(kind="underpowered", missing=(), text=text)
+    blind = sorted(names - seen)
+    unseen = f" Not seen at their usual size would be {', '.join(blind)}." if blind else ""
+    text = f"Nothing is missing that these measurements show (probability {first.probability:.2f}).{unseen}"
+    return Verdict(kind="none", missing=(), text=text)
+
+
+def _named(ranking: Sequence[Ranked]) -> Verdict:
+    """Return the effect that is named, or those that are tied."""
+    first = ranking[0]
+    if first.probability >= NAMED:
+        text = (
+            f"{first.name} is missing: probability {first.probability:.2f}, {first.gain:.1f} nats over the base model."
+        )
+        return Verdict(kind="effect", missing=(first.name,), text=text)
+    tied, together = [], 0.0
+    for one in ranking[:MOST_TIED]:
+        tied.append(one.name)
+        together += one.probability
+        if together >= TIED_TOGETHER:
+            break
+    if NOTHING in tied:
+        text = f"{first.name} may be missing, or nothing: {first.probability:.2f} against {_of_nothing(ranking):.2f}."
+        return Verdict(kind="underpowered", missing=(), text=text)
+    if together < TIED_TOGETHER:
+        text = f"Too many effects could be missing to name them: {', '.join(tied)} and others."
+        return Verdict(kind="underpowered", missing=(), text=text)
+    text = f"One of {', '.join(tied)} is missing; these measurements cannot part them."
+    return Verdict(kind="ambiguous", missing=tuple(tied), text=text)
+
+
+def _of_nothing(ranking: Sequence[Ranked]) -> float:
+    return next(one.probability for one in ranking if one.name == NOTHING)

@@ -1,0 +1,146 @@
+"""A diagnosis as data: diagnosis.json, and a table of what the campaign could have shown."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from chatter_core.evidence.assessment import curvature
+from chatter_core.evidence.candidates import Hypothesis
+from chatter_core.evidence.power import ENOUGH
+from chatter_core.evidence.ranking import NOTHING, Ranked
+from chatter_core.evidence.scores import COVERAGE, ERRORS
+from chatter_core.units import si_factor
+from pipeline.comparison_document import failure_data, measured
+from pipeline.diagnosis import Diagnosis, outcome_error
+
+
+def write(found: Diagnosis, campaign: str, output: Path) -> list[Path]:
+    """Write diagnosis.json and power.csv; return the paths."""
+    paths = [output / "diagnosis.json", output / "power.csv"]
+    paths[0].write_text(json.dumps(document(found, campaign), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    power_table(found).to_csv(paths[1], index=False, float_format="%.4g")
+    return paths
+
+
+def document(found: Diagnosis, campaign: str) -> dict[str, Any]:
+    """Return everything as plain data; what is not known is null."""
+    return {
+        "campaign": campaign,
+        "verdict": found.verdict.kind,
+        "missing": list(found.verdict.missing),
+        "text": found.verdict.text,
+        "ranking": [ranked_data(found, one) for one in found.ranking if one.name != NOTHING],
+        "probability_of_none": next(one.probability for one in found.ranking if one.name == NOTHING),
+        "pair": None if found.pair is None else ranked_data(found, found.pair),
+        "calibration": parameters_of(found.base, set()),
+        "coverage_of_intervals": COVERAGE,
+        "where_it_fails": [failure_data(failure) for failure in found.left[NOTHING]],
+        "still_fails": [failure_data(failure) for failure in _still(found)],
+        "errors": errors(found),
+        "next_trial": next_trial_data(found),
+        "power": power_table(found).to_dict(orient="records"),
+        "measured": measured(found.base.comparison.model.campaign),
+    }
+
+
+def ranked_data(found: Diagnosis, one: Ranked) -> dict[str, Any]:
+    """Return an effect of the ranking as plain data."""
+    best = one.best
+    return {
+        "effect": one.name,
+        "probability": one.probability,
+        "score": one.gain,
+        "settings": {candidate.name: candidate.settings for candidate in best.candidates},
+        "heldout_error_before": outcome_error(found.held_out.get(NOTHING)),
+        "heldout_error_after": outcome_error(found.held_out.get(one.name)),
+        "parameters": {
+            name: told
+            for candidate in best.candidates
+            for name, told in effect_parameters(best, candidate.name).items()
+        },
+        "calibration": parameters_of(best, {p.name for c in best.candidates for p in c.term.parameters}),
+        "converged": best.fit.converged,
+    }
+
+
+def effect_parameters(hypothesis: Hypothesis, effect: str) -> dict[str, Any]:
+    """Return the parameters of one effect by their own names, with intervals."""
+    own = [p.name for c in hypothesis.candidates if c.name == effect for p in c.term.parameters]
+    return {name.removeprefix(f"{effect}."): _parameter(hypothesis, name) for name in own}
+
+
+def parameters_of(hypothesis: Hypothesis, without: set[str]) -> dict[str, Any]:
+    """Return the parameters of a hypothesis by name, but for some."""
+    names = [parameter.name for parameter in hypothesis.fit.parameters]
+    return {name: _parameter(hypothesis, name) for name in names if name not in without}
+
+
+def _parameter(hypothesis: Hypothesis, name: str) -> dict[str, Any]:
+    fit = hypothesis.fit
+    index = [parameter.name for parameter in fit.parameters].index(name)
+    limits = curvature(fit, name, "")
+    return {
+        "unit": fit.parameters[index].unit or "1",
+        "estimate": float(fit.estimate[index]),
+        "low": limits.low,
+        "high": limits.high,
+        "pull": float(fit.pull[index]),
+    }
+
+
+def errors(found: Diagnosis) -> dict[str, Any]:
+    """Return the errors on cuts held out by quantity and hypothesis."""
+    return {
+        quantity: {
+            "unit": ERRORS[quantity][0],
+            "meaning": ERRORS[quantity][1],
+            **{name: float(scores[quantity].value) for name, scores in found.held_out.items() if quantity in scores},
+        }
+        for quantity in ERRORS
+        if any(quantity in scores for scores in found.held_out.values())
+    }
+
+
+def next_trial_data(found: Diagnosis) -> dict[str, Any] | None:
+    """Return the cut that would part the two best hypotheses."""
+    trial = found.next_trial
+    if trial is None or len(found.ranking) < 2:
+        return None
+    names = [one.name for one in found.ranking[:2]]
+    speed = trial.spindle_speed / si_factor("spindle_speed_rpm")
+    depth = trial.axial_depth / si_factor("axial_depth_mm")
+    chances = [f"{100.0 * p:.0f} % by {name}" for p, name in zip(trial.probability, names, strict=True)]
+    return {
+        "spindle_speed_rpm": speed,
+        "axial_depth_mm": depth,
+        "separates": names,
+        "expected_gain_nats": trial.expected_gain,
+        "text": f"A cut at {speed:.0f} rpm and {depth:.3g} mm would chatter with {chances[0]} and {chances[1]}: "
+        f"expected to tell {trial.expected_gain:.2g} nats.",
+    }
+
+
+def power_table(found: Diagnosis) -> pd.DataFrame:
+    """Return what each candidate of usual size would have left in the campaign, by kind of measurement."""
+    rows = []
+    for power in sorted(found.powers, key=lambda one: -one.nats):
+        sizes = [f"{p.prior_width:.4g} {p.unit}".strip() for p in power.candidate.amplitudes]
+        rows.append(
+            {
+                "effect": power.candidate.name,
+                "variant": ", ".join(f"{k} {v}" for k, v in power.candidate.settings.items()),
+                "size": ", ".join(sizes),
+                "nats": float(power.nats),
+                "seen": bool(power.nats >= ENOUGH),
+                **{f"nats_of_{name}": float(share) for name, share in power.by_quantity.items()},
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _still(found: Diagnosis) -> list[Any]:
+    """Return where the best hypothesis still fails."""
+    name = " + ".join(sorted(found.best.names)) or NOTHING
+    return found.left.get(name, [])

@@ -1,0 +1,71 @@
+"""Figures of a diagnosis: the ranking, what could have been seen, and the error on cuts held out."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from chatter_core.evidence.power import ENOUGH
+from chatter_core.evidence.ranking import NOTHING
+from pipeline.diagnosis import Diagnosis
+from pipeline.figures import COLOURS
+
+#: Evidences beyond this are drawn at the end of the axis [nats].
+MOST_NATS = 200.0
+
+
+def write(found: Diagnosis, folder: Path) -> list[Path]:
+    """Write every figure and return the paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for name, draw in {"ranking": ranking, "power": power}.items():
+        path = folder / f"{name}.png"
+        draw(found).savefig(path, dpi=150)
+        paths.append(path)
+    return paths
+
+
+def ranking(found: Diagnosis) -> Figure:
+    """Draw the probability and the evidence of every effect."""
+    shown = found.ranking
+    names = [one.name.replace("_", " ") if one.name != NOTHING else "nothing missing" for one in shown]
+    figure = Figure(figsize=(10.0, 1.4 + 0.32 * len(shown)), layout="constrained")
+    figure.suptitle("What is missing", fontweight="bold", x=0.01, ha="left")
+    left, right = figure.subplots(1, 2, sharey=True)
+    rows = np.arange(len(shown))[::-1]
+    named = [one.name in found.verdict.missing for one in shown]
+    colours = [COLOURS[1] if is_named else COLOURS[0] for is_named in named]
+    left.barh(rows, [one.probability for one in shown], color=colours)
+    left.set_yticks(rows, names)
+    left.set_xlim(0.0, 1.0)
+    left.set_xlabel("probability")
+    gains = np.clip([one.gain for one in shown], -10.0, MOST_NATS)
+    right.barh(rows, gains, color=colours)
+    right.axvline(0.0, color="black", linewidth=0.8)
+    right.set_xscale("symlog", linthresh=5.0)
+    right.set_xlabel("evidence over that of the base model [nats]")
+    for axes in (left, right):
+        axes.grid(alpha=0.3, axis="x")
+    return figure
+
+
+def power(found: Diagnosis) -> Figure:
+    """Draw what each effect of usual size would have left in the campaign, by kind of measurement."""
+    powers = sorted(found.powers, key=lambda one: one.nats)
+    quantities = sorted({name for one in powers for name in one.by_quantity})
+    figure = Figure(figsize=(10.0, 1.6 + 0.32 * len(powers)), layout="constrained")
+    axes = figure.subplots()
+    rows, reached = np.arange(len(powers)), np.zeros(len(powers))
+    for colour, quantity in zip(COLOURS, quantities, strict=False):
+        share = np.array([max(one.by_quantity.get(quantity, 0.0), 0.0) for one in powers])
+        axes.barh(rows, share, left=reached, color=colour, label=quantity.replace("_", " "))
+        reached += share
+    axes.axvline(ENOUGH, color="black", linestyle="--", linewidth=1.0)
+    axes.set_yticks(rows, [str(one.candidate).replace("_", " ") for one in powers], fontsize="small")
+    axes.set_xscale("symlog", linthresh=ENOUGH)
+    axes.set_xlim(0.0, max(MOST_NATS, float(reached.max()) * 1.1))
+    axes.set_xlabel("log-likelihood that nothing else could make up for [nats]; dashed: needed to be seen")
+    axes.set_title("What these measurements could have shown", loc="left", fontweight="bold")
+    axes.legend(frameon=False, loc="lower right")
+    axes.grid(alpha=0.3, axis="x")
+    return figure

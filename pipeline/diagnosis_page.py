@@ -1,0 +1,67 @@
+"""A diagnosis for people: a page, and its gist on a terminal."""
+
+import base64
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, select_autoescape
+
+from chatter_core.evidence.ranking import NOTHING
+from pipeline import diagnosis_document, diagnosis_figures
+from pipeline.diagnosis import Diagnosis, outcome_error
+
+CAPTIONS = {
+    "ranking": "Probability of each effect and of nothing missing, and the evidence for it.",
+    "power": "What an effect of usual size would have left in these measurements. What ends before the dashed line "
+    "could not have been told.",
+}
+#: Effects that are told on a terminal.
+TOLD = 5
+
+
+def write(found: Diagnosis, campaign: str, output: Path) -> list[Path]:
+    """Write data, figures and page of a diagnosis; return the paths."""
+    written = diagnosis_document.write(found, campaign, output)
+    pictures = diagnosis_figures.write(found, output / "figures")
+    document = diagnosis_document.document(found, campaign)
+    environment = Environment(loader=PackageLoader("pipeline"), autoescape=select_autoescape())
+    page = output / "report.html"
+    content = environment.get_template("diagnosis.html").render(
+        title=f"What is missing: {campaign}",
+        document=document,
+        rows=ranking_rows(found),
+        figures=[
+            {"caption": CAPTIONS[path.stem], "data": base64.b64encode(path.read_bytes()).decode()} for path in pictures
+        ],
+    )
+    page.write_text(content, encoding="utf-8")
+    return [*written, *pictures, page]
+
+
+def ranking_rows(found: Diagnosis) -> list[list[str]]:
+    """Return a row for each entry of the ranking: name, probability, evidence, errors held out, parameters."""
+    rows = []
+    before = outcome_error(found.held_out.get(NOTHING))
+    for one in [*found.ranking, *([found.pair] if found.pair is not None else [])]:
+        after = outcome_error(found.held_out.get(one.name))
+        told = []
+        for candidate in one.best.candidates:
+            for name, values in diagnosis_document.effect_parameters(one.best, candidate.name).items():
+                unit = "" if values["unit"] == "1" else f" {values['unit']}"
+                span = f"{values['low']:.3g} to {values['high']:.3g}"
+                told.append(f"{name} {values['estimate']:.3g} ({span}){unit}")
+            told += [f"{key} {value}" for key, value in candidate.settings.items()]
+        change = "" if after is None or before is None else f"{100 * before:.1f} to {100 * after:.1f} %"
+        rows.append([one.name, f"{one.probability:.3f}", f"{one.gain:+.1f}", change, "; ".join(told)])
+    return rows
+
+
+def summary(found: Diagnosis) -> str:
+    """Return the gist as text for a terminal."""
+    lines = ["", f"verdict: {found.verdict.kind}", found.verdict.text, ""]
+    widths = (34, 13, 10, 22)
+    header = ["missing", "probability", "nats", "held-out error"]
+    for row in [header, *(row[:4] for row in ranking_rows(found)[:TOLD])]:
+        lines.append("".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
+    trial = diagnosis_document.next_trial_data(found)
+    lines += ["", trial["text"]] if trial is not None else []
+    return "\n".join([*lines, ""])
