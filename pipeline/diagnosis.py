@@ -29,7 +29,7 @@ from pipeline.model_file import Content
 #: Effects that restore what a base model was asked to leave out.
 RESTORING = {"speed_dependent_bearing": "base", "higher_modes": "modes"}
 #: Hypotheses that are judged on cuts held out, beside the base model.
-JUDGED = 2
+JUDGED = 1
 #: Second effects that are tried beside the first, the best of them by themselves.
 SECONDS = 4
 #: Fewer cuts and responses together than this tell nothing.

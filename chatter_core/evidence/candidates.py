@@ -17,6 +17,8 @@ from chatter_core.stages import Term
 AMPLITUDES = (0.3, 1.0, 3.0)
 #: Shapes at which it is, in widths of theirs.
 SHAPES = (-1.2, -0.6, 0.0, 0.6, 1.2)
+#: An effect of which a step from its null promises less stays there [nats].
+SMALLEST_PROMISE = 0.3
 #: Of all starts so many of the best are climbed from.
 CLIMBED = 2
 
@@ -73,7 +75,8 @@ def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Hy
     """Fit a model with effects, starting from one that is nested in it.
 
     The last of the candidates is new: it is tried at several strengths and shapes, with everything else as in
-    ``nested``, since a displaced resonance has no slope that would lead to it.
+    ``nested``, since a displaced resonance has no slope that would lead to it. Where neither the slope at its
+    null nor any of these promises anything, that is where it stays: the score test of the effect.
 
     See docs/physics.md#diagnosis.
     """
@@ -83,6 +86,10 @@ def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Hy
     starts = [own, *_starts(comparison, own, new)]
     climb = Climb(comparison, free)
     heights = [climb.posterior(start)[0] for start in starts]
+    stayed, promised = climb.stay(own, _deviation(comparison, nested.fit))
+    if promised < SMALLEST_PROMISE and max(heights) <= heights[0]:
+        fit = result(comparison, stayed, climb.evaluations, -np.inf)
+        return Hypothesis(candidates=tuple(candidates), comparison=comparison, fit=fit)
     best = [starts[index] for index in np.argsort(heights)[::-1][:CLIMBED]]
     spent = climb.evaluations
     if comparison.smooth is not None:
@@ -133,6 +140,12 @@ def _starts(comparison: Comparison, own: Array, new: Candidate) -> list[Array]:
             starts.append(start)
     # An amplitude that cannot go to one side stays at its null there, and so does the model.
     return [start for start in starts if any(start[place[p.name]] != p.null for p in new.amplitudes)]
+
+
+def _deviation(comparison: Comparison, nested: Fit) -> Array:
+    """Return the standard deviations (parameter,) of the nested fit, and the priors' widths of what is new."""
+    known = {p.name: value for p, value in zip(nested.parameters, nested.standard_deviation, strict=True)}
+    return np.array([known.get(parameter.name, parameter.prior_width) for parameter in comparison.parameters])
 
 
 def _within(parameter: Parameter, value: float) -> float:

@@ -105,6 +105,16 @@ class Climb:
             converged, reason = False, "the posterior has an edge, and beyond it is none higher"
         return self._end(here, gradient, information, converged, reason)
 
+    def stay(self, values: Array, deviation: Array) -> tuple[Maximum, float]:
+        """Return values (parameter,) as where a climb ended, and what a step from there would promise [nats].
+
+        deviation: (parameter,), over a share of which differences are taken.
+        """
+        here = self._place(values)
+        gradient, information = self.slope(values, here.evaluation, deviation)
+        _, gain = _step(gradient, information, self.free & ~self._held(values, gradient), 0.0)
+        return self._end(here, gradient, information, True, f"the next step promises {gain:.2g} nats"), gain
+
     def _end(self, here: "_Place", gradient: Array, information: Array, converged: bool, reason: str) -> Maximum:
         return Maximum(
             values=here.values,

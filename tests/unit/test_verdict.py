@@ -1,0 +1,110 @@
+"""Verdicts: five answers, each for its own reasons; rankings that are tempered and count variants fairly."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from chatter_core.evidence.failures import Failure
+from chatter_core.evidence.power import ENOUGH
+from chatter_core.evidence.ranking import NOTHING, NOTHING_MISSING, TEMPER, Ranked, rank
+from chatter_core.evidence.verdict import decide
+
+
+@dataclass(frozen=True)
+class Named:
+    """Stands for a candidate, a hypothesis or a fit as far as a verdict looks at them."""
+
+    name: str = ""
+    names: tuple[str, ...] = ()
+    log_evidence: float = 0.0
+    fit: "Named | None" = None
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Stands for the power of a candidate."""
+
+    candidate: Named
+    nats: float
+
+
+def ranked(name, probability, gain):
+    return Ranked(name=name, probability=probability, gain=gain, best=Named(names=tuple(name.split(" + "))))
+
+
+def failure(chance):
+    return Failure(quantity="outcome", band={}, excess=0.3, chance=chance, text="It fails there.")
+
+
+POWERFUL = [Seen(Named(name), 50.0) for name in "abcd"]
+BLIND = [Seen(Named(name), 50.0 if name == "a" else 0.5 * ENOUGH) for name in "abcd"]
+NOTHING_LEFT: dict[str, list[Failure]] = {name: [] for name in (NOTHING, "a", "b", "c", "a + b")}
+
+
+def decided(ranking, pair=None, powers=POWERFUL, **left):
+    return decide(ranking, pair, powers, {**NOTHING_LEFT, **left})
+
+
+def test_nothing_is_missing_where_it_would_have_been_seen():
+    found = decided([ranked(NOTHING, 0.9, 0.0), ranked("a", 0.1, -1.0)])
+    assert (found.kind, found.missing) == ("none", ())
+
+
+def test_nothing_seen_by_measurements_that_are_blind_is_no_answer():
+    assert decided([ranked(NOTHING, 0.9, 0.0), ranked("a", 0.1, -1.0)], powers=BLIND).kind == "underpowered"
+
+
+def test_what_fails_without_any_candidate_that_helps_is_unexplained():
+    found = decided([ranked(NOTHING, 0.9, 0.0), ranked("a", 0.1, -1.0)], **{NOTHING: [failure(0.001)]})
+    assert found.kind == "unexplained"
+    assert "It fails there." in found.text
+    # What chance explains once in a hundred is no failed check.
+    assert decided([ranked(NOTHING, 0.9, 0.0), ranked("a", 0.1, -1.0)], **{NOTHING: [failure(0.01)]}).kind == "none"
+
+
+def test_an_effect_is_named_when_it_is_probable_and_suffices():
+    found = decided([ranked("a", 0.95, 20.0), ranked("b", 0.05, 14.0), ranked(NOTHING, 0.0, 0.0)])
+    assert (found.kind, found.missing) == ("effect", ("a",))
+    assert decided([ranked("a", 0.95, 20.0), ranked(NOTHING, 0.05, 0.0)], a=[failure(0.001)]).kind == "unexplained"
+
+
+def test_effects_that_data_cannot_part_are_tied():
+    found = decided([ranked("b", 0.5, 20.0), ranked("a", 0.45, 19.8), ranked(NOTHING, 0.05, 0.0)])
+    assert (found.kind, found.missing) == ("ambiguous", ("b", "a"))
+
+
+def test_too_many_or_nothing_among_them_is_no_tie():
+    many = [ranked(name, 0.25, 9.0) for name in "abcd"]
+    assert decided([*many, ranked(NOTHING, 0.0, 0.0)]).kind == "underpowered"
+    assert decided([ranked("a", 0.6, 3.5), ranked(NOTHING, 0.4, 0.0)]).kind == "underpowered"
+
+
+def test_two_effects_are_named_when_the_first_fails_and_both_gain():
+    ranking, left = [ranked("a", 0.99, 20.0), ranked(NOTHING, 0.01, 0.0)], {"a": [failure(0.001)]}
+    found = decided(ranking, ranked("a + b", 1.0, 40.0), **left)
+    assert (found.kind, found.missing) == ("effect", ("a", "b"))
+    # A second one that gains little does not mend what fails.
+    assert decided(ranking, ranked("a + b", 1.0, 22.0), **left).kind == "unexplained"
+    still = {**left, "a + b": [failure(0.001)]}
+    assert decided(ranking, ranked("a + b", 1.0, 40.0), **still).kind == "unexplained"
+
+
+def hypothesis(name, evidence):
+    return Named(names=(name,) if name else (), fit=Named(log_evidence=evidence))
+
+
+def test_ranking_tempers_evidence_and_prefers_nothing():
+    found = rank(hypothesis("", 10.0), [hypothesis("a", 18.0), hypothesis("b", 12.0)])
+    weights = np.exp([TEMPER * 8.0, TEMPER * 2.0, NOTHING_MISSING])
+    assert [one.name for one in found] == ["a", NOTHING, "b"]
+    assert [one.probability for one in found] == pytest.approx(weights[[0, 2, 1]] / weights.sum())
+
+
+def test_variants_share_the_prior_of_their_effect():
+    one = rank(hypothesis("", 0.0), [hypothesis("a", 15.0)])
+    two = rank(hypothesis("", 0.0), [hypothesis("a", 15.0), hypothesis("a", -50.0)])
+    assert one[0].gain == pytest.approx(15.0)
+    # Of two variants one explains nothing: half the prior is lost.
+    assert two[0].gain == pytest.approx(15.0 - np.log(2.0))
+    assert two[0].best.fit.log_evidence == 15.0
