@@ -34,14 +34,24 @@ def speed_groups(campaign: Campaign) -> tuple[NDArray[np.intp], NDArray[np.intp]
     """
     parts = [part.spindle_speed if part is not None else np.empty(0) for part in (campaign.trials, campaign.limits)]
     speed = np.concatenate(parts)
-    order = np.argsort(speed, kind="stable")
-    apart = np.diff(np.log(speed[order]), prepend=np.log(speed[order[:1]])) > SAME_SPEED
-    place = np.empty(len(speed), dtype=np.intp)
-    place[order] = np.cumsum(apart)
+    place = _places(speed)
     if len(speed) == 0 or place.max() + 1 < FEWEST_SPEEDS:
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
     group = place % GROUPS
     return group[: len(parts[0])], group[len(parts[0]) :]
+
+
+def _places(speed: Array) -> NDArray[np.intp]:
+    """Return which distinct speed each one (cut,) is, counted from the lowest.
+
+    A place reaches as far as SAME_SPEED from its first speed: many small steps do not make one speed.
+    """
+    place, first, count = np.zeros(len(speed), dtype=np.intp), np.inf, -1
+    for cut in np.argsort(speed, kind="stable"):
+        if count < 0 or np.log(speed[cut] / first) > SAME_SPEED:
+            first, count = speed[cut], count + 1
+        place[cut] = count
+    return place
 
 
 def groups(campaign: Campaign) -> int:

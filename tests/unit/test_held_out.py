@@ -28,6 +28,14 @@ def test_groups_hold_whole_speeds_low_ones_and_high_ones():
     assert of_limit.tolist() == [2, 3]
 
 
+def test_speeds_in_small_steps_are_not_one_speed():
+    # Steps of half a per cent over a fifth: some twenty speeds of one per cent, in five groups.
+    speed = 12000.0 * 1.005 ** np.arange(40.0) * RPM
+    of_trial, _ = speed_groups(campaign(tip_machine(), trials=trials(speed, np.full(40, 1e-3))))
+    assert sorted(np.unique(of_trial)) == list(range(GROUPS))
+    assert np.bincount(of_trial).max() <= 12
+
+
 def test_too_few_speeds_are_not_grouped():
     two = campaign(tip_machine(), trials=trials(np.array([3000.0, 4000.0]) * RPM, [1e-3, 1e-3]))
     assert groups(two) == 0
