@@ -53,6 +53,12 @@ def test_an_outcome_error_of_zero_has_an_interval_that_ends_above_it():
     assert found.high == pytest.approx(wilson / np.sqrt(2.0))
 
 
+def test_the_outcome_error_of_one_class_has_wilsons_interval():
+    found = judged([CHATTER] * 12, [0.1] * 8 + [-0.1] * 4)["outcome"]
+    wilson = stats.binomtest(4, 12).proportion_ci(COVERAGE, method="wilson")
+    assert (found.low, found.value, found.high) == pytest.approx((wilson.low, 4 / 12, wilson.high))
+
+
 def test_chatter_frequencies_are_off_to_the_nearest_line():
     # Two teeth at 4000 rpm: lines lie 133.3 Hz apart.
     hertz = 2.0 * np.pi
