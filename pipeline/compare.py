@@ -69,7 +69,7 @@ def compute(client: Client | None, comparison: Comparison, belief: Belief) -> As
     kinds = range(min(len(setups(model)), DRAWN_SETUPS))
     jobs = {
         "held_out": [
-            Job(name=f"cuts held out, group {group + 1}", call=partial(held_out, comparison, fit, group))
+            Job(name=f"cuts held out, group {group + 1}", call=partial(held_out, comparison, before.estimate, group))
             for group in range(groups(model.campaign))
         ],
         "intervals": [Job(name=f"interval of {p}", call=partial(interval, comparison, fit, p)) for p in parameters],

@@ -118,8 +118,9 @@ def reliability(found: Assessment) -> list[dict[str, Any]]:
     said = found.held_out or found.refitted.told
     probability, chattered = said.probability[:, -1], trials.outcome == OUTCOMES.index("chatter")
     rows = []
+    known = np.isfinite(said.margin)
     for low, high in itertools.pairwise(PROBABILITIES):
-        inside = (probability >= low) & ((probability < high) | (high == 1.0))
+        inside = known & (probability >= low) & ((probability < high) | (high == 1.0))
         if inside.any():
             rows.append(
                 {
@@ -155,7 +156,7 @@ def trials_table(found: Assessment) -> pd.DataFrame:
 def _columns(name: str, said: Told) -> dict[str, Any]:
     return {
         f"margin_{name}": said.margin,
-        f"probability_chatter_{name}": said.probability[:, -1],
+        f"probability_chatter_{name}": np.where(np.isnan(said.margin), np.nan, said.probability[:, -1]),
         f"chatter_frequency_{name}_hz": said.chatter_frequency / si_factor("chatter_frequency_hz"),
     }
 

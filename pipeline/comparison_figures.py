@@ -11,8 +11,8 @@ from matplotlib.patches import Patch
 
 from chatter_core.evidence.assessment import WIDTHS, Assessment, Version
 from chatter_core.evidence.boundary import Field
-from chatter_core.evidence.likelihood import frequency_residual
-from chatter_core.evidence.measured import OUTCOMES, Trials
+from chatter_core.evidence.likelihood import frequency_residual, line_errors
+from chatter_core.evidence.measured import OUTCOMES, Receptance, Trials
 from chatter_core.evidence.scores import COVERAGE
 from chatter_core.machine import Machine
 from chatter_core.units import si_factor
@@ -20,6 +20,8 @@ from pipeline.figures import COLOURS
 
 RPM, MILLIMETRE, HERTZ = si_factor("x_rpm"), si_factor("x_mm"), si_factor("x_hz")
 DESCRIBED, CALIBRATED, WRONG, RIGHT, MEASURED = "#888888", COLOURS[0], COLOURS[1], COLOURS[2], "0.55"
+#: Of a marginal cut, which is told neither right nor wrongly.
+NEITHER = "#555555"
 #: Marks of the outcomes.
 MARKS = {"stable": "o", "marginal": "d", "chatter": "X"}
 #: Decades of a receptance below its largest that are shown.
@@ -86,10 +88,10 @@ def _boundary(axes: Axes, field: Field, calibrated: bool) -> None:
 
 def _trials(axes: Axes, trials: Trials, version: Version, field: Field) -> None:
     """Draw the trials of a setup, coloured by whether the model tells them right."""
+    colours = trial_colours(trials, version.told.margin)
     for code, name in enumerate(OUTCOMES):
-        for colour, told in ((RIGHT, True), (WRONG, False)):
-            some = field.trials[(trials.outcome[field.trials] == code)]
-            some = some[_told_right(trials, version)[some] == told]
+        for colour in (RIGHT, WRONG, NEITHER):
+            some = field.trials[(trials.outcome == code)[field.trials] & (colours == colour)[field.trials]]
             axes.plot(
                 trials.spindle_speed[some] / RPM,
                 trials.axial_depth[some] / MILLIMETRE,
@@ -102,16 +104,17 @@ def _trials(axes: Axes, trials: Trials, version: Version, field: Field) -> None:
             )
 
 
-def _told_right(trials: Trials, version: Version) -> np.ndarray:
-    """Return whether each trial (trial,) is told right; a marginal one is neither."""
-    chatters = version.told.margin > 0.0
+def trial_colours(trials: Trials, margin: np.ndarray) -> np.ndarray:
+    """Return the colour of each trial (trial,): told right, wrongly as without an answer, or marginal and neither."""
     stable, chatter = (trials.outcome == OUTCOMES.index(name) for name in ("stable", "chatter"))
-    return np.asarray(np.where(stable, ~chatters, np.where(chatter, chatters, True)))
+    right = np.where(stable, margin <= 0.0, margin > 0.0)
+    return np.where(stable | chatter, np.where(right, RIGHT, WRONG), NEITHER)
 
 
 def _limits(axes: Axes, found: Assessment, field: Field) -> None:
-    limits = found.comparison.model.campaign.limits
-    if limits is not None and any(field is one.fields[0] for one in (found.described, found.refitted)):
+    measured = found.comparison.model.campaign.limits
+    if measured is not None and len(field.limits):
+        limits = measured.at(field.limits)
         axes.errorbar(
             limits.spindle_speed / RPM,
             limits.limit_depth / MILLIMETRE,
@@ -143,69 +146,99 @@ def _key(found: Assessment) -> list[Line2D | Patch]:
             Line2D([], [], linestyle="", marker=mark, color="black", label=name, markerfacecolor="none")
             for name, mark in MARKS.items()
         ]
-        entries += [Patch(color=RIGHT, label="told right"), Patch(color=WRONG, label="told wrongly")]
+        entries += [
+            Patch(color=RIGHT, label="told right"),
+            Patch(color=WRONG, label="told wrongly"),
+            Patch(color=NEITHER, label="neither"),
+        ]
     return entries
 
 
 def receptances(found: Assessment) -> Figure:
-    """Draw the magnitude of every receptance, measured and predicted."""
+    """Draw every receptance, measured and predicted, and below how far they are apart, over frequency."""
     measured = found.comparison.model.campaign.receptances
     rows = -(-len(measured) // COLUMNS)
-    figure = Figure(figsize=(11.0, 2.9 * rows + 0.6), layout="constrained")
+    figure = Figure(figsize=(11.0, 4.2 * rows + 0.6), layout="constrained")
     figure.suptitle("Receptance of the tool tip", fontweight="bold", x=0.01, ha="left")
-    panels = figure.subplots(rows, COLUMNS, squeeze=False)
-    for axes in panels.flat[len(measured) :]:
+    panels = figure.subplots(2 * rows, COLUMNS, squeeze=False, height_ratios=[2.0, 1.0] * rows)
+    above, below = panels[::2].ravel(), panels[1::2].ravel()
+    for axes in (*above[len(measured) :], *below[len(measured) :]):
         axes.set_visible(False)
-    versions = ((found.described, DESCRIBED, "--", "as described"), (found.refitted, CALIBRATED, "-", "calibrated"))
-    for number, (axes, one) in enumerate(zip(panels.flat, measured, strict=False)):
-        hertz, size = one.frequency / HERTZ, np.abs(one.value) / si_factor("x_um")
-        axes.semilogy(hertz, size, ".", color=MEASURED, markersize=2.5, label="measured")
-        for version, colour, line, label in versions:
-            predicted = np.abs(version.compared.prediction.receptances[number]) / si_factor("x_um")
-            axes.semilogy(hertz, predicted, line, color=colour, linewidth=1.2, label=label)
-        axes.set_ylim(size.max() / 10.0**DECADES, size.max() * 2.0)
-        axes.set_xlim(hertz[0], hertz[-1])
-        axes.set_title(str(one), loc="right", fontsize="small")
-        axes.set_ylabel(f"magnitude [{UNIT}]")
-        axes.set_xlabel("frequency [Hz]")
-        axes.grid(alpha=0.3)
-    handles, labels = panels.flat[0].get_legend_handles_labels()
+    for number, one in enumerate(measured):
+        _magnitude(above[number], found, number, one)
+        _receptance_residual(below[number], found, number, one)
+    handles, labels = above[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 
+def _magnitude(axes: Axes, found: Assessment, number: int, measured: Receptance) -> None:
+    hertz, size = measured.frequency / HERTZ, np.abs(measured.value) / si_factor("x_um")
+    axes.semilogy(hertz, size, ".", color=MEASURED, markersize=2.5, label="measured")
+    for version, colour, line, label in _versions(found):
+        predicted = np.abs(version.compared.prediction.receptances[number]) / si_factor("x_um")
+        axes.semilogy(hertz, predicted, line, color=colour, linewidth=1.2, label=label)
+    axes.set_ylim(size.max() / 10.0**DECADES, size.max() * 2.0)
+    axes.set_xlim(hertz[0], hertz[-1])
+    axes.set_title(str(measured), loc="right", fontsize="small")
+    axes.set_ylabel(f"magnitude [{UNIT}]")
+    axes.grid(alpha=0.3)
+
+
+def _receptance_residual(axes: Axes, found: Assessment, number: int, measured: Receptance) -> None:
+    """Draw the root mean square of both parts of the difference, in standard deviations of a part."""
+    hertz = measured.frequency / HERTZ
+    for version, colour, line, _ in _versions(found):
+        apart = measured.value - version.compared.prediction.receptances[number]
+        standard = np.abs(apart) / (np.sqrt(2.0) * line_errors(measured.value))
+        axes.plot(hertz, standard, line, color=colour, linewidth=1.0)
+    axes.axhline(1.0, color="black", linewidth=0.8)
+    axes.set_xlim(hertz[0], hertz[-1])
+    axes.set_ylim(bottom=0.0)
+    axes.set_ylabel("difference\n[deviations]")
+    axes.set_xlabel("frequency [Hz]")
+    axes.grid(alpha=0.3)
+
+
+def _versions(found: Assessment) -> tuple[tuple[Version, str, str, str], ...]:
+    """Return both versions of the model, with colour, line and name."""
+    return (found.described, DESCRIBED, "--", "as described"), (found.refitted, CALIBRATED, "-", "calibrated")
+
+
 def residuals(found: Assessment) -> Figure:
-    """Draw margins and chatter frequencies of the calibrated model over speed, depth, and order of the trials."""
+    """Draw margins and chatter frequencies of the calibrated model over speed, depth, frequency and trial order."""
     trials = found.comparison.model.campaign.trials
     assert trials is not None
-    figure = Figure(figsize=(11.0, 6.5), layout="constrained")
-    figure.suptitle("What is left after calibration", fontweight="bold", x=0.01, ha="left")
-    panels = figure.subplots(2, 3, sharey="row")
-    places = (
+    heard = bool(np.isfinite(trials.chatter_frequency).any())
+    places = [
         ("spindle speed [rpm]", trials.spindle_speed / RPM),
         ("axial depth [mm]", trials.axial_depth / MILLIMETRE),
         ("trial", trials.trial.astype(float)),
-    )
-    apart = _frequency_residuals(found, trials)
+        *([("measured chatter frequency [Hz]", trials.chatter_frequency / HERTZ)] if heard else []),
+    ]
+    figure = Figure(figsize=(3.5 * len(places), 6.5 if heard else 3.8), layout="constrained")
+    figure.suptitle("What is left after calibration", fontweight="bold", x=0.01, ha="left")
+    panels = figure.subplots(1 + heard, len(places), sharey="row", squeeze=False)
     for column, (label, place) in enumerate(places):
         _margins(panels[0, column], place, trials, found.refitted)
-        panels[1, column].plot(place, apart, ".", color=CALIBRATED, markersize=7)
-        panels[1, column].axhline(0.0, color="black", linewidth=0.8)
+        if heard:
+            panels[1, column].plot(place, _frequency_residuals(found, trials), ".", color=CALIBRATED, markersize=7)
+            panels[1, column].axhline(0.0, color="black", linewidth=0.8)
+            panels[1, 0].set_ylabel("chatter frequency,\nmeasured - predicted [Hz]")
         for axes in panels[:, column]:
             axes.set_xlabel(label)
             axes.grid(alpha=0.3)
     panels[0, 0].set_ylabel("ln(depth / limit depth)\nas predicted; above 0: chatter")
-    panels[1, 0].set_ylabel("chatter frequency,\nmeasured - predicted [Hz]")
     handles = [entry for entry in _key(found) if entry.get_label() not in _BOUNDARIES]
-    figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
+    figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False)
     return figure
 
 
 def _margins(axes: Axes, place: np.ndarray, trials: Trials, version: Version) -> None:
-    right = _told_right(trials, version)
+    colours = trial_colours(trials, version.told.margin)
     for code, name in enumerate(OUTCOMES):
-        for colour, told in ((RIGHT, True), (WRONG, False)):
-            some = (trials.outcome == code) & (right == told)
+        for colour in (RIGHT, WRONG, NEITHER):
+            some = (trials.outcome == code) & (colours == colour)
             axes.plot(
                 place[some],
                 version.told.margin[some],

@@ -14,7 +14,7 @@ CAPTIONS = {
     "lobes": "Boundary of stability as described and as calibrated, with the band in which the latter lies as far as "
     "its parameters are uncertain; cuts as they were judged, coloured by whether the model tells them right.",
     "receptances": "Receptance of the tool tip, measured and predicted. Predictions hold the sensor's fitted gain, "
-    "phase and frequency scale.",
+    "phase and frequency scale. Below each: how far they are apart, in standard deviations of a measured line.",
     "residuals": "Above: where the calibrated model puts each cut, as distance from the boundary; below: how far "
     "measured chatter frequencies lie from the nearest line of the predicted motion.",
     "pulls": "Parameters of the calibration in widths of what is plausible before measuring. Beyond three the fit "
@@ -33,6 +33,11 @@ NAMES = {
     "natural_frequency": "natural frequency",
     "damping_ratio": "damping ratio",
     "bearing_stiffness": "bearing stiffness",
+}
+#: What the headlines say of errors.
+HEADS = {
+    "outcome": "Told wrongly, mean of stable cuts and of those with chatter",
+    "receptance": "Receptances not met, share of their size",
 }
 #: Quantities told in per cent.
 PER_CENT = ("outcome", "depth_margin", "limit_depth", "receptance", "natural_frequency", "damping_ratio",
@@ -72,7 +77,7 @@ def write(found: Assessment, campaign: str, output: Path) -> list[Path]:
 def summary(found: Assessment) -> str:
     """Return the gist as text for a terminal."""
     lines = ["", _measured(found), ""]
-    widths = (20, 26, 26, 26)
+    widths = (20, 28, 28, 28)
     header = ("error of", "as described", "calibrated", "held out")
     for row in [header, *(row[:4] for row in error_rows(found))]:
         lines.append("".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
@@ -90,20 +95,20 @@ def headlines(found: Assessment) -> list[str]:
     told = []
     for name in ("outcome", "receptance"):
         if name in found.refitted.scores:
-            what = "of the cuts told wrongly" if name == "outcome" else "of the receptances' size not met"
             before, after = (_percent(v.scores[name].value) for v in (found.described, found.refitted))
             held = found.held_out_scores.get(name)
             then = f", {_percent(held.value)} on cuts that were held out" if held is not None else ""
-            told.append(f"{before} {what} by the model as described, {after} once calibrated{then}.")
+            told.append(f"{HEADS[name]}: {before} by the model as described, {after} once calibrated{then}.")
     if not found.refitted.fit.converged:
         told.append(f"The calibration did not converge: {found.refitted.fit.reason}. Take its numbers with care.")
     if found.comparison.model.campaign.trials is not None and found.held_out is None:
         told.append("Cuts at three speeds or more are needed to hold some out.")
     count = len(found.refitted.failures)
     told.append(
-        "After calibration nothing is left beyond what noise explains."
+        "After calibration no failure was found that noise does not explain; few data show few."
         if not count
-        else f"After calibration the model fails beyond what noise explains in {count} ways:"
+        else f"After calibration the model fails beyond what noise explains, found in {count} "
+        f"way{'s' if count > 1 else ''}:"
     )
     return told
 

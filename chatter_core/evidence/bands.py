@@ -55,8 +55,6 @@ def conspicuous_bands(
     if not failed.any():
         return []
     value, index = _places(place)
-    if len(value) < 2:
-        return []
     first, last = np.triu_indices(len(value))
     if single:
         first = last = np.arange(len(value))

@@ -32,13 +32,15 @@ STEP = 0.03
 class Field:
     """ln|mu| over speed and depth, for the trials that were set up alike.
 
-    machine: as they were set up, otherwise as described; trials: (trial,) which ones; spindle_speed [rad/s],
+    machine: as they were set up, otherwise as described; trials: (trial,) which ones; limits: (row,) which limit
+    depths; spindle_speed [rad/s],
     axial_depth [m]; growth and deviation: (speed, depth), ln|mu| and its standard deviation, NaN where the model
     has no answer.
     """
 
     machine: Machine
     trials: Indices
+    limits: Indices
     spindle_speed: Array
     axial_depth: Array
     growth: Array
@@ -65,7 +67,8 @@ def field(
     coarse = _deviation(model, machine, known, *coarse_axes)
     return Field(
         machine=machine,
-        trials=points[points < len(model.campaign.trials or ())],
+        trials=points[points < model.cuts.trials],
+        limits=points[points >= model.cuts.trials] - model.cuts.trials,
         spindle_speed=speed,
         axial_depth=depth,
         growth=_growth_near_boundary(model.stages(known.estimate, machine), model, speed, depth),

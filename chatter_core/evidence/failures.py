@@ -16,6 +16,7 @@ from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.measured import DIRECTIONS, OUTCOMES, Trials
 from chatter_core.evidence.nuisances import TYPICAL_MARGINAL_WIDTH, TYPICAL_MISLABELLED, TYPICAL_OUTCOME_WIDTH
 from chatter_core.evidence.parameters import Array
+from chatter_core.evidence.prediction import Prediction
 from chatter_core.evidence.receptance_bands import Misfit, misfits
 from chatter_core.units import si_factor
 
@@ -78,7 +79,7 @@ def _of_trials(campaign: Campaign, compared: Compared, dominant_mode: Array) -> 
     trials = campaign.trials
     if trials is None:
         return
-    places = _places(trials, dominant_mode)
+    places = _places(campaign, trials, dominant_mode)
     for data in [*_labels(trials, compared), *_frequencies(campaign, trials, compared)]:
         for key, (place, unit) in places.items():
             yield from _bands(data, key, place, unit)
@@ -88,18 +89,29 @@ def _of_trials(campaign: Campaign, compared: Compared, dominant_mode: Array) -> 
         yield Failure(quantity="outcome", band={}, excess=lost / len(trials), chance=0.0, text=text)
 
 
-def _places(trials: Trials, dominant_mode: Array) -> dict[str, tuple[Array, str]]:
-    """Return where trials lie: key of the table -> values (trial,) in its unit, and the unit in words."""
+def _places(campaign: Campaign, trials: Trials, dominant_mode: Array) -> dict[str, tuple[Array, str]]:
+    """Return where trials lie: key of the table -> values (trial,) in its unit, and the unit in words.
+
+    What a trial does not state is the machine's own.
+    """
+    process, spindle = campaign.machine.process, campaign.machine.spindle
+    preload = trials.preload if spindle is None else _stated(trials.preload, spindle.preload)
+    feed = _stated(trials.feed_per_tooth, process.feed_per_tooth)
+    own = DIRECTIONS.index(process.direction)
     return {
         "spindle_speed_rpm": (trials.spindle_speed / si_factor("spindle_speed_rpm"), "rpm"),
         "axial_depth_mm": (trials.axial_depth / si_factor("axial_depth_mm"), "mm"),
         "trial": (trials.trial.astype(float), ""),
-        "preload_n": (trials.preload, "N"),
-        "radial_immersion": (trials.radial_immersion, ""),
-        "feed_per_tooth_mm": (trials.feed_per_tooth / si_factor("feed_per_tooth_mm"), "mm"),
-        "direction": (np.where(trials.direction == NO_WORD, np.nan, trials.direction), ""),
+        "preload_n": (preload, "N"),
+        "radial_immersion": (_stated(trials.radial_immersion, process.radial_immersion), ""),
+        "feed_per_tooth_mm": (feed / si_factor("feed_per_tooth_mm"), "mm"),
+        "direction": (np.where(trials.direction == NO_WORD, own, trials.direction).astype(float), ""),
         "dominant_mode": (np.where(dominant_mode > 0, dominant_mode, np.nan), ""),
     }
+
+
+def _stated(values: Array, own: float) -> Array:
+    return np.where(np.isnan(values), own, values)
 
 
 def _labels(trials: Trials, compared: Compared) -> Iterator[_Data]:
@@ -112,20 +124,24 @@ def _labels(trials: Trials, compared: Compared) -> Iterator[_Data]:
         marginal_width=TYPICAL_MARGINAL_WIDTH if (trials.outcome == OUTCOMES.index("marginal")).any() else None,
     )
     stable, chatter = probability[:, 0], probability[:, -1]
+    # Above an island or inside of one the nearest boundary does not lie where a single limit would.
+    assert compared.prediction.cuts is not None
+    islands = margin * compared.prediction.cuts.crossing[: len(margin)] > 0.0
     told = trials.outcome != OUTCOMES.index("marginal")
     for should, label, of_label, what, done, hence in (
         (margin > 0.0, "stable", stable, "that should chatter", "stable", "the boundary lies deeper there"),
         (margin <= 0.0, "chatter", chatter, "that should be stable", "chattered", "the boundary lies less deep there"),
     ):
         which = np.flatnonzero(should & told)
+        failed = trials.outcome[which] == OUTCOMES.index(label)
         yield _Data(
             quantity="outcome",
             which=which,
-            failed=trials.outcome[which] == OUTCOMES.index(label),
+            failed=failed,
             probability=(of_label / (stable + chatter))[which],
             what=f"cuts {what}",
             done="were stable" if done == "stable" else done,
-            hence=hence,
+            hence="" if islands[which][failed].any() else hence,
         )
 
 
@@ -151,28 +167,94 @@ def _frequencies(campaign: Campaign, trials: Trials, compared: Compared) -> Iter
 
 
 def _of_tables(campaign: Campaign, compared: Compared) -> Iterator[Failure]:
-    """Yield where limiting depths, natural frequencies and stiffnesses are off to one side, over speed."""
-    for quantity, table, what in (
-        ("limit_depth", campaign.limits, "limiting depths"),
-        ("natural_frequency", campaign.natural_frequencies, "natural frequencies"),
-        ("bearing_stiffness", campaign.stiffness, "radial stiffnesses"),
-    ):
-        if table is None or quantity not in compared.contributions:
+    """Yield where limiting depths, modes and stiffnesses are off to one side over speed, and what has no answer."""
+    for table in _tables(campaign, compared.prediction):
+        if table.quantity not in compared.contributions or not len(table.apart):
             continue
-        rows = np.arange(len(table.spindle_speed))
-        # Stiffness: the radial ones stand first, one in each row.
-        standard = compared.contributions[quantity].coordinates[rows, 0]
-        far = stats.norm.ppf(1.0 - 0.5 * IMPROBABLE)
+        known = np.flatnonzero(np.isfinite(table.apart))
+        lost = len(table.apart) - len(known)
+        if lost:
+            text = f"The model has no answer for {lost} of {len(table.apart)} measured {table.what}."
+            yield Failure(quantity=table.quantity, band={}, excess=lost / len(table.apart), chance=0.0, text=text)
+        standard, far = (table.apart / table.error)[known], stats.norm.ppf(1.0 - 0.5 * IMPROBABLE)
         for failed, side in ((standard > far, "larger"), (standard < -far, "smaller")):
             data = _Data(
-                quantity=quantity,
-                which=rows,
+                quantity=table.quantity,
+                which=known,
                 failed=failed,
-                probability=np.full(len(rows), 0.5 * IMPROBABLE),
-                what=f"measured {what}",
+                probability=np.full(len(known), 0.5 * IMPROBABLE),
+                what=f"measured {table.what}",
                 done=f"are {side} than predicted by more than noise",
             )
-            yield from _bands(data, "spindle_speed_rpm", table.spindle_speed / si_factor("spindle_speed_rpm"), "rpm")
+            place = table.spindle_speed / si_factor("spindle_speed_rpm")
+            yield from _bands(data, "spindle_speed_rpm", place, "rpm")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Rows:
+    """Measured rows of a quantity, all (row,).
+
+    what: they are, in words; spindle_speed [rad/s]; apart: ln(measured / predicted), NaN without an answer; error:
+    its standard deviation.
+    """
+
+    quantity: str
+    what: str
+    spindle_speed: Array
+    apart: Array
+    error: Array | float
+
+
+def _tables(campaign: Campaign, prediction: Prediction) -> Iterator[_Rows]:
+    """Yield what was measured row by row, as far as it was."""
+    limits, modes, stiffness = campaign.limits, campaign.natural_frequencies, campaign.stiffness
+    if limits is not None:
+        error = limits.uncertainty / limits.limit_depth
+        yield _Rows(
+            quantity="limit_depth",
+            what="limiting depths",
+            spindle_speed=limits.spindle_speed,
+            apart=prediction.limit_margin,
+            error=error,
+        )
+    if modes is not None:
+        for quantity, what, measured, predicted, width in (
+            (
+                "natural_frequency",
+                "natural frequencies",
+                modes.natural_frequency,
+                prediction.natural_frequency,
+                likelihood.NATURAL_FREQUENCY_ERROR,
+            ),
+            (
+                "damping_ratio",
+                "damping ratios",
+                modes.damping_ratio,
+                prediction.damping_ratio,
+                likelihood.DAMPING_RATIO_ERROR,
+            ),
+        ):
+            some = np.isfinite(measured)
+            yield _Rows(
+                quantity=quantity,
+                what=what,
+                spindle_speed=modes.spindle_speed[some],
+                apart=np.log(measured / predicted)[some],
+                error=width,
+            )
+    if stiffness is not None:
+        for what, measured, predicted in (
+            ("radial stiffnesses", stiffness.radial_stiffness, prediction.radial_stiffness),
+            ("axial stiffnesses", stiffness.axial_stiffness, prediction.axial_stiffness),
+        ):
+            some = np.isfinite(measured)
+            yield _Rows(
+                quantity="bearing_stiffness",
+                what=what,
+                spindle_speed=stiffness.spindle_speed[some],
+                apart=np.log(measured / predicted)[some],
+                error=likelihood.STIFFNESS_ERROR,
+            )
 
 
 def _bands(data: _Data, key: str, place: Array, unit: str) -> Iterator[Failure]:
@@ -246,5 +328,6 @@ def _of_pulls(fit: Fit) -> Iterator[Failure]:
                 excess=float(abs(pull) - LARGEST_PULL),
                 chance=float(2.0 * stats.norm.sf(abs(pull))),
                 text=f"The fit needs {moved} on {parameter.name}, {abs(pull):.1f} times what is plausible "
-                f"({parameter.doc}): it stands in for something that the model lacks.",
+                f"({parameter.doc}): either it was stated very wrongly, or it stands in for something that the "
+                "model lacks.",
             )

@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter_core.evidence.calibration import calibrate
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.comparison import Comparison
-from chatter_core.evidence.fit import Fit, fit
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.scores import Told, told
 
@@ -34,14 +34,24 @@ def speed_groups(campaign: Campaign) -> tuple[NDArray[np.intp], NDArray[np.intp]
     """
     parts = [part.spindle_speed if part is not None else np.empty(0) for part in (campaign.trials, campaign.limits)]
     speed = np.concatenate(parts)
-    order = np.argsort(speed, kind="stable")
-    apart = np.diff(np.log(speed[order]), prepend=np.log(speed[order[:1]])) > SAME_SPEED
-    place = np.empty(len(speed), dtype=np.intp)
-    place[order] = np.cumsum(apart)
+    place = _places(speed)
     if len(speed) == 0 or place.max() + 1 < FEWEST_SPEEDS:
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
     group = place % GROUPS
     return group[: len(parts[0])], group[len(parts[0]) :]
+
+
+def _places(speed: Array) -> NDArray[np.intp]:
+    """Return which distinct speed each one (cut,) is, counted from the lowest.
+
+    A place reaches as far as SAME_SPEED from its first speed: many small steps do not make one speed.
+    """
+    place, first, count = np.zeros(len(speed), dtype=np.intp), np.inf, -1
+    for cut in np.argsort(speed, kind="stable"):
+        if count < 0 or np.log(speed[cut] / first) > SAME_SPEED:
+            first, count = speed[cut], count + 1
+        place[cut] = count
+    return place
 
 
 def groups(campaign: Campaign) -> int:
@@ -52,10 +62,11 @@ def groups(campaign: Campaign) -> int:
     return int(max((part.max() + 1 for part in speed_groups(campaign) if len(part)), default=0))
 
 
-def held_out(comparison: Comparison, calibrated: Fit, group: int) -> Told:
+def held_out(comparison: Comparison, start: Array, group: int) -> Told:
     """Return what a model says of one group's cuts that was calibrated with all others.
 
-    The fit starts from the one with all data, which its few missing cuts move little.
+    start: (parameter,), what was known before the campaign. A calibration with all data is none: where the posterior
+    has several maxima or an edge, it has already chosen among them by the cuts that are held out.
 
     See docs/physics.md#comparison.
     """
@@ -64,9 +75,9 @@ def held_out(comparison: Comparison, calibrated: Fit, group: int) -> Told:
     training = replace(
         comparison, model=replace(model, campaign=_among(campaign, of_trial != group, of_limit != group))
     )
-    known = model.named(calibrated.estimate)
-    start = np.array([known[parameter.name] for parameter in training.model.parameters])
-    found = training.model.named(fit(training, starts=[start]).estimate)
+    known = model.named(start)
+    before = np.array([known[parameter.name] for parameter in training.model.parameters])
+    found = training.model.named(calibrate(training, start=before).estimate)
     # What the training labels do not tell of, such as a marginal class that only the others have, stays as it was.
     values = np.array([found.get(parameter.name, known[parameter.name]) for parameter in comparison.parameters])
     said = told(comparison, values, model.predict(values))

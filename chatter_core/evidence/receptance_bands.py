@@ -37,7 +37,8 @@ class Misfit:
 def misfits(campaign: Campaign, prediction: Prediction) -> list[Misfit]:
     """Return the bands of all responses in which measured and predicted differ by more than noise.
 
-    A band around a mode reaches halfway to its neighbours. It holds FACTS_OF_A_PEAK independent numbers.
+    A band around a mode reaches halfway to its neighbours, and is judged as far as it was measured, for a peak may
+    stand where the model has none. It holds FACTS_OF_A_PEAK independent numbers.
 
     See docs/physics.md#comparison.
     """
@@ -69,9 +70,9 @@ def _bands(measured: Receptance, prediction: Prediction) -> Iterator[tuple[int, 
     of_axis = np.flatnonzero(built.modes.axis == measured.output_axis)
     natural = np.sort(built.modes.natural_frequency[speed, of_axis])
     borders = np.concatenate([[0.0], np.sqrt(natural[1:] * natural[:-1]), [np.inf]])
-    for mode, frequency in enumerate(natural, start=1):
+    for mode in range(1, len(natural) + 1):
         lines = np.flatnonzero((measured.frequency >= borders[mode - 1]) & (measured.frequency < borders[mode]))
-        if len(lines) > 1 and measured.frequency[0] <= frequency <= measured.frequency[-1]:
+        if len(lines) > 1:
             yield mode, lines
 
 

@@ -11,13 +11,16 @@ from scipy import stats
 
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.comparison import Compared, Comparison
-from chatter_core.evidence.likelihood import balanced_error, frequency_residual, outcome
+from chatter_core.evidence.likelihood import balanced_error, facts, frequency_residual, outcome
+from chatter_core.evidence.margin import REACH
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.prediction import Prediction
 
 #: Coverage of the intervals.
 COVERAGE = 0.9
+#: Drawn means from which an interval of a mean is read: its ends are known to a hundredth of its width.
+DRAWS, SEED = 2000, 1
 #: Quantity -> unit and meaning of its error.
 ERRORS = {
     "outcome": ("1", "share of cuts told wrongly, mean of stable cuts and of those with chatter"),
@@ -80,8 +83,9 @@ def cut_scores(campaign: Campaign, said: Told) -> dict[str, Score]:
     if trials is not None:
         if (trials.outcome != OUTCOMES.index("marginal")).any():
             found["outcome"] = _outcome_error(trials.outcome, said.margin)
-            found["depth_margin"] = _mean(misplaced(trials.outcome, said.margin))
-        found["log_loss"] = _mean(-outcome(trials.outcome, said.probability).log_density)
+            found["depth_margin"] = _mean(misplaced(trials.outcome, said.margin), REACH)
+        loss = -outcome(trials.outcome, said.probability).log_density
+        found["log_loss"] = _mean(loss, float(-np.log(said.probability.min())))
         heard = np.isfinite(trials.chatter_frequency)
         if heard.any():
             tooth_passing = campaign.machine.tool.teeth * trials.spindle_speed[heard]
@@ -101,7 +105,8 @@ def structure_scores(campaign: Campaign, compared: Compared) -> dict[str, Score]
     if campaign.receptances:
         pairs = zip(campaign.receptances, prediction.receptances, strict=True)
         apart = [np.linalg.norm(one.value - np.nan_to_num(h)) / np.linalg.norm(one.value) for one, h in pairs]
-        found["receptance"] = _root_mean_square(np.array(apart))
+        # The parts of a response scatter and not its norm: an interval knows as many numbers as they hold.
+        found["receptance"] = _root_mean_square(np.array(apart), sum(facts(one.value) for one in campaign.receptances))
     modes, stiffness = campaign.natural_frequencies, campaign.stiffness
     if modes is not None:
         found["natural_frequency"] = _log_error(modes.natural_frequency, prediction.natural_frequency)
@@ -117,12 +122,12 @@ def structure_scores(campaign: Campaign, compared: Compared) -> dict[str, Score]
 def misplaced(labels: NDArray[np.int8], margin: Array) -> Array:
     """Return how far each cut (cut,) that is not marginal lies on the wrong side of the boundary, in ln(depth).
 
-    0 where the model is right; NaN margins stay.
+    0 where the model is right; a cut without an answer counts as far off as any, by REACH.
 
     See docs/physics.md#comparison.
     """
     stable, chatter = labels == OUTCOMES.index("stable"), labels == OUTCOMES.index("chatter")
-    wrong = np.where(stable, margin, -margin)
+    wrong = np.where(np.isnan(margin), REACH, np.where(stable, margin, -margin))
     return np.asarray(np.maximum(wrong, 0.0)[stable | chatter])
 
 
@@ -144,14 +149,20 @@ def _outcome_error(labels: NDArray[np.int8], margin: Array) -> Score:
     return Score(value=value, low=value - below**0.5 / classes, high=value + above**0.5 / classes, count=count)
 
 
-def _mean(data: Array) -> Score:
-    """Return the mean of data (datum,), with Student's interval."""
-    known = data[np.isfinite(data)]
-    value, count = float(known.mean()) if len(known) else np.nan, len(known)
-    half = np.nan
-    if count > 1:
-        half = float(stats.t.ppf(0.5 * (1.0 + COVERAGE), count - 1) * known.std(ddof=1) / np.sqrt(count))
-    return Score(value=value, low=max(value - half, 0.0), high=value + half, count=count)
+def _mean(data: Array, largest: float) -> Score:
+    """Return the mean of data (datum,) between 0 and ``largest``, with an interval that skew data need.
+
+    Student's would end at zero where nothing failed, and misses what is large and rare. An end is the quantile
+    of the mean with random (Dirichlet) weights of the data and of one datum more, at the border on its side; for
+    data that are 0 or 1 it is Clopper's and Pearson's.
+
+    Source: N. Gaffke, Math. Methods Stat. 14 (2005) 451-467.
+    """
+    weight = np.random.default_rng(SEED).standard_exponential((DRAWS, len(data) + 1))
+    weight /= weight.sum(axis=1, keepdims=True)
+    below, tail = weight[:, 1:] @ data, 0.5 * (1.0 - COVERAGE)
+    low, high = np.quantile(below, tail), np.quantile(below + weight[:, 0] * largest, 1.0 - tail)
+    return Score(value=float(data.mean()), low=float(low), high=float(high), count=len(data))
 
 
 def _median(data: Array) -> Score:
@@ -160,14 +171,17 @@ def _median(data: Array) -> Score:
     return Score(value=float(np.median(data)), low=float(interval.low), high=float(interval.high), count=len(data))
 
 
-def _root_mean_square(data: Array) -> Score:
-    """Return the root mean square of data (datum,), with the chi-square interval of normal ones."""
+def _root_mean_square(data: Array, freedom: float | None = None) -> Score:
+    """Return the root mean square of data (datum,), with the chi-square interval of normal ones.
+
+    freedom: how many independent numbers they hold, as many as there are data unless stated.
+    """
     known = data[np.isfinite(data)]
     count = len(known)
-    value = float(np.sqrt((known**2).mean())) if count else np.nan
     if not count:
         return Score(value=np.nan, low=np.nan, high=np.nan, count=0)
-    low, high = value * np.sqrt(count / stats.chi2.ppf([0.5 * (1.0 + COVERAGE), 0.5 * (1.0 - COVERAGE)], count))
+    value, freedom = float(np.sqrt((known**2).mean())), count if freedom is None else freedom
+    low, high = value * np.sqrt(freedom / stats.chi2.ppf([0.5 * (1.0 + COVERAGE), 0.5 * (1.0 - COVERAGE)], freedom))
     return Score(value=value, low=float(low), high=float(high), count=count)
 
 

@@ -4,6 +4,7 @@ import csv
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,8 +16,9 @@ from chatter_core.evidence import Comparison, base_model, calibrate, read_campai
 from chatter_core.evidence.failures import failures
 from chatter_core.evidence.likelihood import balanced_error
 from chatter_core.evidence.measured import OUTCOMES
-from pipeline import model_file
+from pipeline import comparison_figures, model_file
 from pipeline.__main__ import main
+from tests.synthetic import campaign, tip_machine, trials
 
 DATA = Path(__file__).parents[1] / "data"
 CAMPAIGNS = DATA / "campaigns"
@@ -85,6 +87,32 @@ def test_everything_is_written_and_says_the_same(down_milling):
         with Image.open(down_milling / "figures" / f"{name}.png") as picture:
             assert picture.size[0] > 1000
     assert not (down_milling / "figures" / "receptances.png").exists()
+
+
+def test_marginal_cuts_and_those_without_an_answer_are_not_drawn_as_told_right():
+    cuts = trials(np.ones(5), np.ones(5), outcome=np.array([0, 1, 2, 0, 2], dtype=np.int8))
+    drawn = comparison_figures.trial_colours(cuts, np.array([-0.1, 0.2, 0.2, np.nan, np.nan]))
+    right, wrong, neither = (getattr(comparison_figures, name) for name in ("RIGHT", "WRONG", "NEITHER"))
+    assert drawn.tolist() == [right, neither, right, wrong, wrong]
+
+
+@pytest.mark.parametrize("heard", [True, False])
+def test_residuals_lie_over_speed_depth_order_and_frequency(heard):
+    cuts = trials(
+        np.array([3600.0, 4000.0]),
+        [1e-3, 2e-3],
+        outcome=np.array([0, 2], dtype=np.int8),
+        chatter_frequency=np.array([np.nan, 4000.0 if heard else np.nan]),
+    )
+    told = SimpleNamespace(margin=np.array([-0.1, 0.2]), chatter_frequency=np.array([np.nan, 4050.0]))
+    model = SimpleNamespace(campaign=campaign(tip_machine(), trials=cuts))
+    found = SimpleNamespace(comparison=SimpleNamespace(model=model), refitted=SimpleNamespace(told=told))
+    panels = comparison_figures.residuals(found).axes
+    over = {axes.get_xlabel() for axes in panels}
+    # Without a single frequency there is neither a row nor a column for them.
+    assert ("measured chatter frequency [Hz]" in over) == heard
+    assert over >= {"spindle speed [rpm]", "axial depth [mm]", "trial"}
+    assert len(panels) == (8 if heard else 3)
 
 
 def test_a_written_model_predicts_what_the_comparison_said(down_milling, tmp_path):

@@ -65,6 +65,7 @@ def test_many_places_are_joined_to_some_of_like_population():
     assert abs(band.high - 0.6) < 0.035
 
 
-def test_nothing_failed_or_one_place_alone_is_no_band():
+def test_nothing_failed_is_no_band_and_one_place_can_be_one():
     assert conspicuous_bands(np.arange(9.0), np.zeros(9, dtype=bool), np.full(9, 0.1)) == []
-    assert conspicuous_bands(np.ones(9), np.ones(9, dtype=bool), np.full(9, 0.1)) == []
+    (band,) = conspicuous_bands(np.ones(9), np.ones(9, dtype=bool), np.full(9, 0.1))
+    assert (band.low, band.high, band.seen, band.failed) == (1.0, 1.0, 9, 9)

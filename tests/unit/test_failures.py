@@ -10,7 +10,7 @@ from chatter_core.evidence import Comparison, base_model
 from chatter_core.evidence.bands import CHANCE
 from chatter_core.evidence.failures import failures
 from chatter_core.evidence.fit import fit
-from chatter_core.evidence.measured import OUTCOMES, Limits, NaturalFrequencies
+from chatter_core.evidence.measured import OUTCOMES, BearingStiffness, Limits, NaturalFrequencies
 from tests.synthetic import RPM, campaign, measured, receptance, tip_machine, trials
 
 SETS = 25
@@ -108,6 +108,74 @@ def test_limits_and_modes_that_are_off_to_one_side_are_told():
     (found,) = told(campaign(tip_machine(), natural_frequencies=modes))
     assert found.quantity == "natural_frequency"
     assert "10 are smaller than predicted" in found.text
+
+
+def test_what_has_no_answer_is_said_to_have_none_and_no_size():
+    stiffness = BearingStiffness(
+        spindle_speed=np.linspace(0.0, 12000.0, 6) * RPM,
+        preload=np.full(6, 100.0),
+        radial_stiffness=np.full(6, 5e7),
+        axial_stiffness=np.full(6, np.nan),
+    )
+    # Measured tip modes know nothing of bearings.
+    (found,) = told(campaign(tip_machine(), stiffness=stiffness))
+    assert found.quantity == "bearing_stiffness"
+    assert found.text == "The model has no answer for 6 of 6 measured radial stiffnesses."
+    assert found.excess == 1.0
+
+
+def test_damping_that_is_off_to_one_side_is_told():
+    modes = NaturalFrequencies(
+        spindle_speed=np.linspace(0.0, 12000.0, 6) * RPM,
+        mode=np.ones(6, dtype=np.int64),
+        natural_frequency=np.full(6, 600.0 * 2.0 * np.pi),
+        damping_ratio=np.array([0.06, 0.06, 0.06, 0.06, 0.06, np.nan]),
+    )
+    (found,) = told(campaign(tip_machine(), natural_frequencies=modes))
+    assert found.quantity == "damping_ratio"
+    assert found.text.startswith("Of 5 measured damping ratios")
+    assert "5 are larger than predicted" in found.text
+
+
+def test_failures_at_the_only_speed_are_told():
+    made = campaign(tip_machine(), trials=trials(np.full(20, 4000.0 * RPM), np.linspace(5.5e-3, 9e-3, 20)))
+    (found,) = told(made)
+    assert found.band == {"spindle_speed_rpm": [pytest.approx(4000.0), pytest.approx(4000.0)]}
+    assert "20 were stable" in found.text
+
+
+def test_what_a_trial_does_not_state_is_the_machines_own():
+    rng = np.random.default_rng(8)
+    plan = planned(rng, 90)
+    made = measured(plan, base_model(plan).nulls, rng)
+    other = np.arange(90) % 2 == 1
+    feed = np.where(other, 0.05e-3, np.nan)
+    quiet = np.where(other, OUTCOMES.index("stable"), made.trials.outcome).astype(np.int8)
+    found = told(replace(made, trials=replace(made.trials, outcome=quiet, feed_per_tooth=feed)))
+    # Only one feed is stated: beside the machine's own it is a place all the same.
+    assert [f.band["feed_per_tooth_mm"] for f in found if "feed_per_tooth_mm" in f.band] == [
+        [pytest.approx(0.05), pytest.approx(0.05)]
+    ]
+
+
+def test_nothing_is_said_of_deeper_where_the_nearest_boundary_is_the_upper_one_of_an_island():
+    made = campaign(tip_machine(), trials=trials(np.full(20, 4000.0 * RPM), np.linspace(5.5e-3, 9e-3, 20)))
+    comparison = Comparison(model=base_model(made))
+    compared = comparison.compare(comparison.model.nulls)
+    cuts = replace(compared.prediction.cuts, margin=np.full(20, 0.3), crossing=np.full(20, 0.3))
+    for crossing, said in ((np.full(20, -0.3), True), (np.full(20, 0.3), False)):
+        prediction = replace(compared.prediction, cuts=replace(cuts, crossing=crossing))
+        (found,) = failures(made, replace(compared, prediction=prediction), np.ones(20), None)
+        assert ("the boundary lies deeper there" in found.text) == said
+
+
+def test_a_peak_where_the_model_has_no_mode_is_told():
+    made = campaign(tip_machine(), receptances=(receptance(np.linspace(900.0, 1500.0, 121) * 2.0 * np.pi),))
+    lines = made.receptances[0].frequency
+    # A mode of 1200 Hz, twice the model's own, which lies below all lines.
+    value = 1e-7 / (1.0 - (lines / (2400.0 * np.pi)) ** 2 + 0.06j * lines / (2400.0 * np.pi))
+    found = told(replace(made, receptances=(replace(made.receptances[0], value=value),)))
+    assert any("measured peak at 1200 Hz" in f.text for f in found)
 
 
 def test_a_parameter_that_is_bent_far_is_a_finding_by_itself():

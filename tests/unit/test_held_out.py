@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from chatter_core.evidence import Comparison, base_model
-from chatter_core.evidence.fit import fit
 from chatter_core.evidence.held_out import GROUPS, groups, held_out, speed_groups, together
 from chatter_core.evidence.measured import OUTCOMES, Limits
 from tests.synthetic import RPM, campaign, measured, receptance, tip_machine, trials
@@ -28,6 +28,14 @@ def test_groups_hold_whole_speeds_low_ones_and_high_ones():
     assert of_limit.tolist() == [2, 3]
 
 
+def test_speeds_in_small_steps_are_not_one_speed():
+    # Steps of half a per cent over a fifth: some twenty speeds of one per cent, in five groups.
+    speed = 12000.0 * 1.005 ** np.arange(40.0) * RPM
+    of_trial, _ = speed_groups(campaign(tip_machine(), trials=trials(speed, np.full(40, 1e-3))))
+    assert sorted(np.unique(of_trial)) == list(range(GROUPS))
+    assert np.bincount(of_trial).max() <= 12
+
+
 def test_too_few_speeds_are_not_grouped():
     two = campaign(tip_machine(), trials=trials(np.array([3000.0, 4000.0]) * RPM, [1e-3, 1e-3]))
     assert groups(two) == 0
@@ -44,8 +52,7 @@ def test_what_is_held_out_cannot_know_its_own_labels():
     mine = of_trial == group
     turned[mine] = OUTCOMES.index("chatter") - turned[mine]
     other = replace(made, trials=replace(made.trials, outcome=turned))
-    # The start is the same for both, so that nothing but the training labels can make a difference.
-    start = fit(Comparison(model=base_model(made)))
+    start = base_model(made).nulls
     one, two = (held_out(Comparison(model=base_model(some)), start, group) for some in (made, other))
     assert np.array_equal(one.margin[mine], two.margin[mine])
     assert np.isnan(one.margin[~mine]).all()
@@ -58,12 +65,24 @@ def test_what_is_held_out_cannot_know_its_own_labels():
     assert not np.allclose(one.margin[mine], three.margin[mine])
 
 
+def test_a_group_may_hold_every_trial_or_every_marginal_one():
+    speed = np.array([3600.0, 4200.0, 4800.0]) * RPM
+    limits = Limits(spindle_speed=speed[1:], limit_depth=np.full(2, 5e-3), uncertainty=np.full(2, 3e-4))
+    cuts = trials(np.full(4, speed[0]), [3e-3, 4e-3, 5e-3, 6e-3], outcome=np.array([0, 0, 1, 2], dtype=np.int8))
+    model = base_model(campaign(tip_machine(), trials=cuts, limits=limits))
+    assert "marginal_width" in [parameter.name for parameter in model.parameters]
+    said = held_out(Comparison(model=model), model.nulls, 0)
+    assert np.isfinite(said.margin).all()
+    assert said.probability.shape == (4, 3)
+    assert said.probability.sum(axis=1) == pytest.approx(1.0)
+
+
 def test_all_groups_together_tell_every_cut_once():
     rng = np.random.default_rng(6)
     plan = planned(rng)
     made = measured(plan, base_model(plan).nulls, rng)
     comparison = Comparison(model=base_model(made))
-    start = fit(comparison)
+    start = comparison.model.nulls
     assert groups(made) == GROUPS
     parts = [held_out(comparison, start, group) for group in range(GROUPS)]
     said = together(parts)

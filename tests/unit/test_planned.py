@@ -8,6 +8,7 @@ import pytest
 from chatter_core.evidence import base_model
 from chatter_core.evidence.belief import PRIORS, Belief
 from chatter_core.evidence.boundary import field, setups
+from chatter_core.evidence.measured import DIRECTIONS, Limits
 from chatter_core.evidence.nuisances import TYPICAL_OUTCOME_WIDTH
 from chatter_core.evidence.planned import planned_campaign, predict_planned
 from chatter_core.variables import STATUS
@@ -79,6 +80,20 @@ def test_a_belief_speaks_of_a_model_by_names():
     # What it does not know stays as the prior has it.
     assert (known.estimate[at["kn"]], known.deviation[at["kn"]]) == (0.0, 0.15)
     assert PRIORS.about(model).estimate == pytest.approx(model.nulls)
+
+
+def test_a_field_holds_the_cuts_of_its_own_setup():
+    up = np.full(15, DIRECTIONS.index("up"), dtype=np.int8)
+    limits = Limits(
+        spindle_speed=np.array([3600.0, 4000.0]) * RPM, limit_depth=np.full(2, 5e-3), uncertainty=np.full(2, 1e-4)
+    )
+    cuts = replace(plan(), direction=up)
+    model = base_model(campaign(tip_machine(), trials=cuts, limits=limits))
+    # Every trial was up-milling; limit depths are the machine's own, which mills down.
+    grid = {"grid": (6, 4), "coarse_grid": (4, 3)}
+    first, second = (field(model, PRIORS.about(model).sure(), setup, **grid) for setup in range(2))
+    assert (first.machine.process.direction, len(first.trials), len(first.limits)) == ("up", 15, 0)
+    assert (second.machine.process.direction, len(second.trials), second.limits.tolist()) == ("down", 0, [0, 1])
 
 
 def test_the_band_of_the_boundary_is_as_wide_as_drawn_parameters_make_it():

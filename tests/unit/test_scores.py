@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from chatter_core.evidence import scores
+from chatter_core.evidence import Comparison, base_model, scores
+from chatter_core.evidence.likelihood import facts, outcome, outcome_probabilities
+from chatter_core.evidence.margin import REACH
 from chatter_core.evidence.measured import OUTCOMES, Limits
-from chatter_core.evidence.scores import COVERAGE, Told, cut_scores
-from tests.synthetic import RPM, campaign, tip_machine, trials
+from chatter_core.evidence.scores import COVERAGE, Told, cut_scores, misplaced, structure_scores
+from tests.synthetic import RPM, campaign, receptance, tip_machine, trials
 
 STABLE, MARGINAL, CHATTER = (OUTCOMES.index(name) for name in ("stable", "marginal", "chatter"))
 SETS = 400
@@ -51,6 +53,12 @@ def test_an_outcome_error_of_zero_has_an_interval_that_ends_above_it():
     assert found.high == pytest.approx(wilson / np.sqrt(2.0))
 
 
+def test_the_outcome_error_of_one_class_has_wilsons_interval():
+    found = judged([CHATTER] * 12, [0.1] * 8 + [-0.1] * 4)["outcome"]
+    wilson = stats.binomtest(4, 12).proportion_ci(COVERAGE, method="wilson")
+    assert (found.low, found.value, found.high) == pytest.approx((wilson.low, 4 / 12, wilson.high))
+
+
 def test_chatter_frequencies_are_off_to_the_nearest_line():
     # Two teeth at 4000 rpm: lines lie 133.3 Hz apart.
     hertz = 2.0 * np.pi
@@ -77,7 +85,6 @@ def test_limit_depths_are_off_by_their_root_mean_square():
 @pytest.mark.parametrize(
     ("score", "draw", "truth"),
     [
-        ("_mean", lambda rng: 2.0 + rng.standard_normal(30), 2.0),
         ("_median", lambda rng: np.exp(rng.standard_normal(25)), 1.0),
         ("_root_mean_square", lambda rng: 0.3 * rng.standard_normal(20), 0.3),
     ],
@@ -90,6 +97,53 @@ def test_intervals_cover_as_stated(score, draw, truth):
     # Order statistics are discrete: the median's interval covers what is stated, or more.
     assert inside / SETS >= LEAST
     assert score == "_median" or inside / SETS <= MOST
+
+
+def test_the_interval_of_a_mean_of_zeros_and_ones_is_that_of_clopper_and_pearson():
+    for wrong in (0, 3, 20):
+        found = scores._mean(np.repeat([1.0, 0.0], [wrong, 20 - wrong]), 1.0)
+        exact = stats.binomtest(wrong, 20).proportion_ci(COVERAGE, method="exact")
+        # Two thousand draws know a quantile of twenty data to two thousandths.
+        assert (found.low, found.high) == pytest.approx((exact.low, exact.high), abs=0.006)
+
+
+@pytest.mark.parametrize("count", [12, 60])
+def test_intervals_of_loss_and_depth_margin_cover_at_least_what_is_stated(count):
+    def judged_cuts(rng, size):
+        margin = np.clip(0.3 * rng.standard_normal(size), -REACH, REACH)
+        probability = outcome_probabilities(margin, mislabelled=0.04, width=0.06)
+        labels = np.where(rng.random(size) < probability[:, 1], CHATTER, STABLE).astype(np.int8)
+        loss = -outcome(labels, probability).log_density
+        return (loss, -np.log(0.04)), (misplaced(labels, margin), REACH)
+
+    truth = [data.mean() for data, _ in judged_cuts(np.random.default_rng(0), 300_000)]
+    inside = np.zeros(2)
+    for seed in range(SETS):
+        found = [scores._mean(*one) for one in judged_cuts(np.random.default_rng(1 + seed), count)]
+        inside += [one.low <= true <= one.high for one, true in zip(found, truth, strict=True)]
+    # Rare wrong labels make both skew: Student's interval covers 64 to 88 % here.
+    assert (inside / SETS >= LEAST).all()
+
+
+def test_a_cut_without_an_answer_is_as_far_off_as_any():
+    found = judged([STABLE, CHATTER, CHATTER, STABLE], [-0.2, np.nan, 0.1, np.nan])
+    assert found["outcome"].value == 0.5
+    assert found["depth_margin"].value == pytest.approx(2 * REACH / 4)
+    assert found["depth_margin"].count == 4
+
+
+def test_the_interval_of_the_receptance_error_knows_the_numbers_in_a_response():
+    lines = np.linspace(300.0, 900.0, 121) * 2.0 * np.pi
+    comparison = Comparison(model=base_model(campaign(tip_machine(), receptances=(receptance(lines),))))
+    (predicted,) = comparison.compare(comparison.model.nulls).prediction.receptances
+    made = campaign(tip_machine(), receptances=(receptance(lines, 1.1 * predicted),))
+    other = Comparison(model=base_model(made))
+    found = structure_scores(made, other.compare(other.model.nulls))["receptance"]
+    assert found.value == pytest.approx(0.1 / 1.1)
+    # One response is not one number: the chi-square law of that would end sixteen times higher.
+    numbers = facts(made.receptances[0].value)
+    assert found.high == pytest.approx(found.value * np.sqrt(numbers / stats.chi2.ppf(0.05, numbers)))
+    assert found.high < 2.5 * found.value
 
 
 def test_the_interval_of_the_outcome_error_covers_as_stated():
