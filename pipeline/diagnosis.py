@@ -17,6 +17,7 @@ from chatter_core.evidence.candidates import Candidate, Hypothesis, fit_hypothes
 from chatter_core.evidence.failures import Failure, failures
 from chatter_core.evidence.held_out import groups, held_out, together
 from chatter_core.evidence.next_trial import NextTrial, next_trial
+from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.power import Power, nuisance_slope, power
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.evidence.ranking import NOTHING, Ranked, rank
@@ -130,7 +131,7 @@ def diagnose(client: Client | None, model: CampaignModel, belief: Belief, conten
         pair=pair,
         powers=powers,
         left=left,
-        held_out=_held_out(client, judged),
+        held_out=_held_out(client, judged, start),
         next_trial=next_trial(first, second),
         verdict=verdict,
     )
@@ -169,18 +170,32 @@ def _powers(client: Client | None, base: Hypothesis, candidates: Sequence[Candid
     return spread(client, [Job(name=f"power for {one}", call=partial(power, base, one, slope)) for one in candidates])
 
 
-def _held_out(client: Client | None, hypotheses: Sequence[Hypothesis]) -> dict[str, dict[str, Score]]:
+def _held_out(client: Client | None, hypotheses: Sequence[Hypothesis], start: Array) -> dict[str, dict[str, Score]]:
     """Return the scores on cuts held out, by the names of the hypotheses."""
     campaign = hypotheses[0].comparison.model.campaign
     count = groups(campaign)
     jobs = [
-        Job(name=f"cuts held out, group {group + 1}", call=partial(held_out, one.comparison, one.fit, group))
+        Job(
+            name=f"cuts held out, group {group + 1}", call=partial(held_out, one.comparison, _before(one, start), group)
+        )
         for one in hypotheses
         for group in range(count)
     ]
     answers = iter(spread(client, jobs))
     parts = {name_of(one): [next(answers) for _ in range(count)] for one in hypotheses}
     return {name: cut_scores(campaign, together(said)) for name, said in parts.items() if said}
+
+
+def _before(hypothesis: Hypothesis, start: Array) -> Array:
+    """Return where calibrations without some cuts start: as before the campaign, but for the sizes of effects.
+
+    start: (parameter,) of the base model.
+    """
+    known = dict(zip((p.name for p in hypothesis.comparison.parameters), hypothesis.fit.estimate, strict=True))
+    new = {p.name for candidate in hypothesis.candidates for p in candidate.term.parameters}
+    names = [p.name for p in hypothesis.comparison.parameters]
+    own = iter(start)
+    return np.array([known[name] if name in new else next(own) for name in names])
 
 
 def name_of(hypothesis: Hypothesis) -> str:
