@@ -131,7 +131,7 @@ def diagnose(client: Client | None, model: CampaignModel, belief: Belief, conten
         pair=pair,
         powers=powers,
         left=left,
-        held_out=_held_out(client, judged, start),
+        held_out=_held_out(client, judged, belief.about(model).estimate),
         next_trial=next_trial(first, second),
         verdict=verdict,
     )
