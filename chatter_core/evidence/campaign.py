@@ -67,6 +67,14 @@ class Campaign:
     remarks: tuple[str, ...]
     unknown_columns: tuple[str, ...]
 
+    @property
+    def extreme_preloads(self) -> tuple[float, ...]:
+        """The smallest and the largest preload [N] that rows of the tables state; none where none does."""
+        tables = [table.preload for table in (self.trials, self.stiffness) if table is not None]
+        stated = np.concatenate([np.empty(0), *tables])
+        stated = stated[np.isfinite(stated)]
+        return (float(stated.min()), float(stated.max())) if len(stated) else ()
+
 
 def read_campaign(folder: Path) -> Campaign:
     """Return the campaign in a folder.
