@@ -41,6 +41,8 @@ from chatter_core.reading import read_machine
 MACHINE_FILE = "machine.yaml"
 #: Receptances of tool tips that are met [m/N], by the median over frequency.
 USUAL_RECEPTANCE = (1e-9, 1e-4)
+#: No motion is as small [m/N]: an atom's size at a meganewton is 1e-16.
+LEAST_RECEPTANCE = 1e-30
 #: Share of the imaginary part in a response's peak beyond which its sign is that of a resonance.
 CLEAR_SIGN = 0.5
 #: Endings of files that are probably meant to be read.
@@ -96,7 +98,10 @@ def read_campaign(folder: Path) -> Campaign:
         if found is not None:
             receptances += found.receptances
             remarks += found.remarks
-    problems += _measured_twice(folder, receptances)
+    problems += [*_measured_twice(folder, receptances), *_without_motion(folder, receptances)]
+    if machine is not None and machine.spindle is None and BEARING.file in rows:
+        del rows[BEARING.file]
+        unread.append(f"{BEARING.file}: is not used, the machine's measured tip modes know no bearings")
     if not problems and not rows and not receptances:
         problems.append(_nothing_measured(folder, unread))
     if STABILITY.file in rows and machine is not None:
@@ -130,7 +135,7 @@ def read_responses(path: Path) -> Responses:
         found = Responses(
             receptances=tuple(_receptances(rows, path.name)), unknown_columns=_unknown_columns(rows, path.name)
         )
-    problems = _measured_twice(path.parent, found.receptances)
+    problems = [*_measured_twice(path.parent, found.receptances), *_without_motion(path.parent, found.receptances)]
     if problems:
         raise InvalidInput(problems)
     odd = [remark for receptance in found.receptances for remark in _odd_receptance(receptance)]
@@ -217,6 +222,16 @@ def _measured_twice(folder: Path, receptances: Sequence[Receptance]) -> list[str
                 f"{folder / receptance.source}: receptance {receptance} stands in {other.source} too; keep one of them"
             )
     return problems
+
+
+def _without_motion(folder: Path, receptances: Sequence[Receptance]) -> list[str]:
+    """Return a finding for every response that is zero on all lines, and so has no errors to be weighed by."""
+    return [
+        f"{folder / receptance.source}: receptance {receptance} is zero on every line; leave it out where nothing was "
+        "measured"
+        for receptance in receptances
+        if not np.abs(receptance.value).max() > LEAST_RECEPTANCE
+    ]
 
 
 def _contradictions(path: Path, rows: Rows, machine: Machine) -> list[str]:
