@@ -1,5 +1,6 @@
 """A calibrated model as a file, model.yaml: what was fitted, how surely, and of which machine."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Self
 
@@ -7,12 +8,13 @@ import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from chatter_core.effects import effect_names
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence.belief import PRIORS, Belief
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.machine import Machine
-from chatter_core.reading import load_yaml, sentences
+from chatter_core.reading import load_yaml, nearest, sentences, shown
 from pipeline.settings import differing_keys
 
 HEAD = """# A calibrated model: the machine that it belongs to, effects, and parameters as they were fitted.
@@ -20,6 +22,8 @@ HEAD = """# A calibrated model: the machine that it belongs to, effects, and par
 """
 #: Parameters of a response are of its measurement, and say nothing of other cuts.
 OF_A_RESPONSE = "receptance_"
+#: Widths of its prior that an estimate may be away from it: of what lies farther no computer holds the factor.
+FARTHEST = 100.0
 #: Digits of estimates, and of correlations.
 DIGITS, CORRELATION_DIGITS = 8, 5
 
@@ -109,26 +113,44 @@ def read(path: Path, machine: Machine) -> ModelFile:
 def belief_of(path: Path | None, model: CampaignModel) -> Belief:
     """Return what a model file says of the parameters of a model, what data sheets leave open without one.
 
-    Raises InvalidInput when the file cannot be read, belongs to another machine, or names a parameter that the
-    model has not, or values that it does not allow.
+    Raises InvalidInput when the file cannot be read, belongs to another machine, has effects, or names a parameter
+    that the model has not, or twice, in another unit or with a value that it does not allow.
     """
     if path is None:
         return PRIORS
     found = read(path, model.campaign.machine)
-    known = {parameter.name: parameter for parameter in model.parameters}
-    problems = []
-    for parameter in found.parameters:
-        own = known.get(parameter.name)
-        if own is None and parameter.name not in OPTIONAL:
-            problems.append(f"{path}: parameters: {parameter.name}: unknown; allowed: {', '.join(known)}")
-        elif own is not None and not own.lower <= parameter.estimate <= own.upper:
-            problems.append(
-                f"{path}: parameters: {parameter.name}: found {parameter.estimate:g} {own.unit}, "
-                f"allowed {own.lower:g} to {own.upper:g}"
-            )
+    problems = [f"{path}: {problem}" for problem in (*_effect_problems(found), *_parameter_problems(found, model))]
     if problems:
         raise InvalidInput(problems)
     return found.belief
+
+
+def _effect_problems(found: ModelFile) -> Iterator[str]:
+    """Yield what is wrong with the effects: a model is not taken without what belongs to it."""
+    for name in found.effects:
+        unknown = name not in effect_names()
+        told = nearest(name, list(effect_names())) if unknown else "models with effects are not taken yet; allowed: []"
+        yield f"effects: found {shown(name)}; {told}"
+
+
+def _parameter_problems(found: ModelFile, model: CampaignModel) -> Iterator[str]:
+    """Yield what is wrong with the parameters, seen by the model's own."""
+    known = {parameter.name: parameter for parameter in model.parameters}
+    names = [parameter.name for parameter in found.parameters]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        yield f"parameters: {shown(name)} stands twice; keep one of them"
+    for parameter in found.parameters:
+        own = known.get(parameter.name)
+        if own is None:
+            if parameter.name not in OPTIONAL:
+                yield f"parameters: {shown(parameter.name)}: unknown; allowed: {', '.join(known)}"
+            continue
+        if parameter.unit != own.unit:
+            yield f"parameters: {own.name}: found unit {shown(parameter.unit)}, allowed: {shown(own.unit)}"
+        reach = FARTHEST * own.prior_width
+        lower, upper = max(own.lower, own.prior_mean - reach), min(own.upper, own.prior_mean + reach)
+        if not lower <= parameter.estimate <= upper:
+            yield (f"parameters: {own.name}: found {parameter.estimate:g} {own.unit}, allowed {lower:g} to {upper:g}")
 
 
 #: Parameters that depend on what was measured beside the machine: absent where no label is marginal.

@@ -162,8 +162,16 @@ def test_a_model_of_another_machine_or_with_odd_content_is_refused(tmp_path, cap
         return refused(capsys, "predict", *words)
 
     assert "they differ in process.direction" in said(lambda c: None, "r01")
-    assert "parameters: nonsense: unknown" in said(lambda c: c["parameters"][0].update(name="nonsense"))
+    assert "parameters: 'nonsense': unknown" in said(lambda c: c["parameters"][0].update(name="nonsense"))
     assert "estimate" in said(lambda c: c["parameters"][0].update(estimate="many"))
+    assert "effects: found 'nonsense'" in said(lambda c: c.update(effects=["nonsense"]))
+    assert "models with effects are not taken yet" in said(lambda c: c.update(effects=["process_damping"]))
+    assert "'kn' stands twice" in said(lambda c: c["parameters"][0].update(name="kn"))
+    assert "found unit 'Hz', allowed: 'ln'" in said(lambda c: c["parameters"][0].update(unit="Hz"))
+    # Its factor would be infinite.
+    assert "outcome_width: found 800 ln, allowed -50 to 50" in said(
+        lambda c: next(p for p in c["parameters"] if p["name"] == "outcome_width").update(estimate=800.0)
+    )
     assert "found 99" in said(lambda c: c["parameters"][0].update(estimate=99.0))
     assert "correlation" in said(lambda c: c["correlation"].pop())
     assert "symmetric" in said(lambda c: c["correlation"][0].__setitem__(1, 5.0))
