@@ -1,10 +1,14 @@
 """Command line: ``python -m pipeline VERB key=value ...``."""
 
+import signal
 import sys
 import textwrap
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from types import FrameType
 
 from chatter_core.effects import effect_names
 from chatter_core.errors import ChatterError, InvalidInput
@@ -77,7 +81,8 @@ def main(words: list[str] | None = None) -> int:
         print(_version())
         return 0
     try:
-        return _verb(words[0])(words[1:])
+        with _terminated_in_order():
+            return _verb(words[0])(words[1:])
     except InvalidInput as error:
         for problem in error.problems:
             print(f"error: {_printable(problem)}", file=sys.stderr)
@@ -90,7 +95,10 @@ def main(words: list[str] | None = None) -> int:
         return 1
     except KeyboardInterrupt:
         print("stopped at once; a store goes on where it was", file=sys.stderr)
-        return 130
+        return 128 + signal.SIGINT
+    except Terminated:
+        print("terminated; a store goes on where it was", file=sys.stderr)
+        return 128 + signal.SIGTERM
     except BrokenPipeError:
         # Whoever read our output has gone: nothing is left to tell.
         sys.stderr.close()
@@ -100,6 +108,29 @@ def main(words: list[str] | None = None) -> int:
         where = f"{str(error.filename)[:200]}: " if error.filename else ""
         print(f"error: {where}{error.strerror or error}", file=sys.stderr)
         return 2
+
+
+class Terminated(BaseException):
+    """SIGTERM came: as Ctrl-C does, it ends what was started and clears away what is half done."""
+
+
+@contextmanager
+def _terminated_in_order() -> Iterator[None]:
+    """Turn SIGTERM into Terminated, for a verb that does not do better."""
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        # What is cleared away must not be broken off by a second one.
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        raise Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, handle)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _verb(name: str) -> Callable[[list[str]], int]:

@@ -30,6 +30,9 @@ def options_of(words: Words, kind: type[CampaignOptions], verb: str) -> Campaign
     """
     foreign = [*(key for key in words.choices if key != "cluster"), *(["machine"] if words.machine_file else [])]
     foreign += [word.partition("=")[0] for word in words.values if not word.startswith("cluster.")]
+    problems = [f"{key}: is empty; allowed: a path" for key, value in words.options.items() if not value]
+    if problems:
+        raise InvalidInput(problems)
     if foreign:
         raise InvalidInput([f"{word}: not for {verb}, which takes the campaign's own machine.yaml" for word in foreign])
     try:

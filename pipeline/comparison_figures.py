@@ -22,6 +22,8 @@ RPM, MILLIMETRE, HERTZ = si_factor("x_rpm"), si_factor("x_mm"), si_factor("x_hz"
 DESCRIBED, CALIBRATED, WRONG, RIGHT, MEASURED = "#888888", COLOURS[0], COLOURS[1], COLOURS[2], "0.55"
 #: Marks of the outcomes.
 MARKS = {"stable": "o", "marginal": "d", "chatter": "X"}
+#: Folder of the figures, and those that there may be.
+FOLDER, NAMES = "figures", ("lobes", "receptances", "residuals", "pulls")
 #: Decades of a receptance below its largest that are shown.
 DECADES = 2.5
 #: Entries of the legend that belong to lobes alone.
@@ -164,7 +166,8 @@ def receptances(found: Assessment) -> Figure:
             predicted = np.abs(version.compared.prediction.receptances[number]) / si_factor("x_um")
             axes.semilogy(hertz, predicted, line, color=colour, linewidth=1.2, label=label)
         axes.set_ylim(size.max() / 10.0**DECADES, size.max() * 2.0)
-        axes.set_xlim(hertz[0], hertz[-1])
+        if len(hertz) > 1:
+            axes.set_xlim(hertz[0], hertz[-1])
         axes.set_title(str(one), loc="right", fontsize="small")
         axes.set_ylabel(f"magnitude [{UNIT}]")
         axes.set_xlabel("frequency [Hz]")

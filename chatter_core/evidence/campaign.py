@@ -159,6 +159,14 @@ def planned_trials(path: Path, machine: Machine) -> tuple[Trials, NDArray[np.int
     return _trials(replace(rows, columns={**rows.columns, **silent})), np.argsort(rows.line, kind="stable")
 
 
+def is_read(name: str) -> bool:
+    """Return whether a file of this name in a campaign's folder is part of the campaign.
+
+    See docs/physics.md#comparison.
+    """
+    return name in (MACHINE_FILE, *(table.file for table in TABLES)) or name.lower().endswith(UFF_ENDINGS)
+
+
 def _noting(problems: list[str], read: Callable[P, T], *what: P.args, **how: P.kwargs) -> T | None:
     """Return what can be read, None where it cannot be and its problems are noted."""
     try:
