@@ -12,7 +12,7 @@ from types import FrameType
 
 from chatter_core.effects import effect_names
 from chatter_core.errors import ChatterError, InvalidInput
-from chatter_core.reading import nearest
+from chatter_core.reading import nearest, printable
 from pipeline.configuration import groups
 from pipeline.errors import StoreInUse
 
@@ -85,7 +85,7 @@ def main(words: list[str] | None = None) -> int:
             return _verb(words[0])(words[1:])
     except InvalidInput as error:
         for problem in error.problems:
-            print(f"error: {_printable(problem)}", file=sys.stderr)
+            print(f"error: {printable(problem)}", file=sys.stderr)
         return 2
     except StoreInUse as error:
         print(f"error: {error}", file=sys.stderr)
@@ -138,11 +138,6 @@ def _verb(name: str) -> Callable[[list[str]], int]:
         raise InvalidInput([f"{name}: unknown verb; {nearest(name, list(VERBS))}"])
     run: Callable[[list[str]], int] = import_module(f"pipeline.{name}").run
     return run
-
-
-def _printable(text: str) -> str:
-    """Return text whose control characters, as a file's name may hold, do nothing to a terminal."""
-    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
 
 
 def _version() -> str:

@@ -16,7 +16,7 @@ from chatter_core.evidence.assessment import Assessment, as_described, assess, i
 from chatter_core.evidence.belief import Belief, fitted
 from chatter_core.evidence.boundary import field, setups
 from chatter_core.evidence.held_out import groups, held_out
-from chatter_core.reading import shown
+from chatter_core.reading import printable, shown
 from pipeline import comparison_document, comparison_figures, comparison_page, model_file
 from pipeline.campaigns import CampaignOptions, cluster_of, options_of, read
 from pipeline.cluster import open_client
@@ -42,7 +42,7 @@ def run(words: list[str]) -> int:
     options = options_of(sorted_words, CompareOptions, "compare")
     assert isinstance(options, CompareOptions)
     cluster = cluster_of(sorted_words)
-    name = options.campaign.resolve().name
+    name = printable(options.campaign.resolve().name)
     output = options.output or Path("results") / f"compare-{name}"
     existed = output.exists()
     with threadpool_limits(1):
@@ -54,9 +54,11 @@ def run(words: list[str]) -> int:
                 with open_client(cluster) as client:
                     found = compute(client, Comparison(model=model), belief)
                 written = _write(found, name, output)
-        except BaseException:
+        except BaseException as error:
             if not existed:
                 remove_empty(output)
+            if isinstance(error, OSError):
+                raise InvalidInput([f"output: {output} cannot be written: {error.strerror or error}"]) from None
             raise
     print(comparison_page.summary(found))
     for path in written:

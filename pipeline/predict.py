@@ -69,6 +69,8 @@ def _write(path: Path, text: str) -> None:
     try:
         beside.write_text(text, encoding="utf-8")
         beside.replace(place)
+    except OSError as error:
+        raise InvalidInput([f"predictions: {path} cannot be written: {error.strerror or error}"]) from None
     finally:
         beside.unlink(missing_ok=True)
 

@@ -36,7 +36,7 @@ from chatter_core.evidence.measured import (
 from chatter_core.evidence.table import Rows, read_table
 from chatter_core.evidence.uff import UFF_ENDINGS, read_uff
 from chatter_core.machine import Machine
-from chatter_core.reading import read_machine
+from chatter_core.reading import printable, read_machine
 
 MACHINE_FILE = "machine.yaml"
 #: Receptances of tool tips that are met [m/N], by the median over frequency.
@@ -209,7 +209,7 @@ def _unread_files(folder: Path) -> list[str]:
     for path in sorted(folder.iterdir()):
         if path.suffix.lower() in TABLE_ENDINGS and path.name not in names:
             close = difflib.get_close_matches(path.name.lower(), names, n=1)
-            remarks.append(f"{path.name}: is not read" + (f"; did you mean {close[0]}?" if close else ""))
+            remarks.append(f"{printable(path.name)}: is not read" + (f"; did you mean {close[0]}?" if close else ""))
     return remarks
 
 

@@ -174,8 +174,9 @@ def test_nothing_that_was_read_is_written_over(tmp_path, capsys, down_milling):
     assert set(campaign.iterdir()) | {model, file} == set(before)
 
 
-def test_an_answer_is_not_written_over_that_of_another_campaign(tmp_path, capsys, down_milling):
-    said = refused(capsys, "compare", f"campaign={CAMPAIGNS / 'r01'}", f"output={down_milling}")
+def test_an_answer_is_not_written_over_that_of_another_campaign(tmp_path, capsys):
+    (tmp_path / "comparison.json").write_text(json.dumps({"campaign": "r02"}))
+    said = refused(capsys, "compare", f"campaign={CAMPAIGNS / 'r01'}", f"output={tmp_path}")
     assert "holds the comparison with campaign 'r02'" in said
 
 
@@ -188,6 +189,16 @@ def quick(tmp_path):
     head = "spindle_speed_rpm,mode,natural_frequency_hz,damping_ratio\n"
     (campaign / "modes.csv").write_text(head + "0,1,147,0.004\n0,5,900,\n")
     return campaign
+
+
+def test_names_do_nothing_to_page_and_terminal(tmp_path, capsys, quick):
+    campaign = quick.rename(tmp_path / "<script> \x1b[31m $x_1$")
+    (campaign / "a\x1b<i>.csv").write_text("")
+    main(["compare", f"campaign={campaign}", f"output={tmp_path / 'out'}", SERIAL])
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "&lt;script&gt;" in page
+    assert "<i>" not in page
+    assert "\x1b" not in page + capsys.readouterr().out
 
 
 def test_data_without_an_answer_are_told_by_the_exit_code(tmp_path, capsys, quick):
@@ -212,7 +223,7 @@ def test_what_cannot_be_written_leaves_what_was_there(tmp_path, capsys, monkeypa
     words = ["compare", f"campaign={quick}", SERIAL]
     monkeypatch.setattr("pipeline.model_file.write", full)
     assert main([*words, f"output={tmp_path / 'new'}"]) == 2
-    assert "No space left on device" in capsys.readouterr().err
+    assert f"output: {tmp_path / 'new'} cannot be written: No space left on device" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "report.html").write_text("earlier")
