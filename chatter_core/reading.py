@@ -188,6 +188,11 @@ def _dotted(place: tuple[Any, ...]) -> str:
     return words
 
 
+def printable(text: str) -> str:
+    """Return text whose control characters, as a file's name may hold, do nothing to a terminal."""
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
+
+
 def shown(value: Any) -> str:
     """Return a value as messages show it, cut short where it is long."""
     text = repr(value) if isinstance(value, str) else str(value)

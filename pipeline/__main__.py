@@ -1,14 +1,18 @@
 """Command line: ``python -m pipeline VERB key=value ...``."""
 
+import signal
 import sys
 import textwrap
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from types import FrameType
 
 from chatter_core.effects import effect_names
 from chatter_core.errors import ChatterError, InvalidInput
-from chatter_core.reading import nearest
+from chatter_core.reading import nearest, printable
 from pipeline.configuration import groups
 from pipeline.errors import StoreInUse
 
@@ -84,10 +88,11 @@ def main(words: list[str] | None = None) -> int:
         print(_version())
         return 0
     try:
-        return _verb(words[0])(words[1:])
+        with _terminated_in_order():
+            return _verb(words[0])(words[1:])
     except InvalidInput as error:
         for problem in error.problems:
-            print(f"error: {_printable(problem)}", file=sys.stderr)
+            print(f"error: {printable(problem)}", file=sys.stderr)
         return 2
     except StoreInUse as error:
         print(f"error: {error}", file=sys.stderr)
@@ -97,7 +102,10 @@ def main(words: list[str] | None = None) -> int:
         return 1
     except KeyboardInterrupt:
         print("stopped at once; a store goes on where it was", file=sys.stderr)
-        return 130
+        return 128 + signal.SIGINT
+    except Terminated:
+        print("terminated; a store goes on where it was", file=sys.stderr)
+        return 128 + signal.SIGTERM
     except BrokenPipeError:
         # Whoever read our output has gone: nothing is left to tell.
         sys.stderr.close()
@@ -109,16 +117,34 @@ def main(words: list[str] | None = None) -> int:
         return 2
 
 
+class Terminated(BaseException):
+    """SIGTERM came: as Ctrl-C does, it ends what was started and clears away what is half done."""
+
+
+@contextmanager
+def _terminated_in_order() -> Iterator[None]:
+    """Turn SIGTERM into Terminated, for a verb that does not do better."""
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        # What is cleared away must not be broken off by a second one.
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        raise Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, handle)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def _verb(name: str) -> Callable[[list[str]], int]:
     if name not in VERBS:
         raise InvalidInput([f"{name}: unknown verb; {nearest(name, list(VERBS))}"])
     run: Callable[[list[str]], int] = import_module(f"pipeline.{name}").run
     return run
-
-
-def _printable(text: str) -> str:
-    """Return text whose control characters, as a file's name may hold, do nothing to a terminal."""
-    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
 
 
 def _version() -> str:

@@ -57,6 +57,9 @@ def options_of(words: Words, kind: type[CampaignOptions], verb: str) -> Campaign
     foreign = [*(key for key in words.choices if key != "cluster"), *(["machine"] if words.machine_file else [])]
     keys = [word.partition("=")[0] for word in words.values]
     foreign += [key for key in keys if key.split(".")[0] not in ("cluster", EFFECTS)]
+    problems = [f"{key}: is empty; allowed: a path" for key, value in words.options.items() if not value]
+    if problems:
+        raise InvalidInput(problems)
     if foreign:
         raise InvalidInput([f"{word}: not for {verb}, which takes the campaign's own machine.yaml" for word in foreign])
     try:

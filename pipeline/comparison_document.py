@@ -15,6 +15,8 @@ from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score, Told
 from chatter_core.units import si_factor
 
+#: Files.
+DOCUMENT, TRIALS = "comparison.json", "trials.csv"
 #: Correlations that are told, by their size.
 STRONG_CORRELATION = 0.5
 #: Borders of the probabilities of chatter between which it is counted how often cuts chattered.
@@ -23,10 +25,10 @@ PROBABILITIES = (0.0, 0.05, 0.25, 0.75, 0.95, 1.0)
 
 def write(found: Assessment, campaign: str, output: Path) -> list[Path]:
     """Write comparison.json and, where there are trials, trials.csv; return the paths."""
-    paths = [output / "comparison.json"]
+    paths = [output / DOCUMENT]
     paths[0].write_text(json.dumps(document(found, campaign), indent=1, allow_nan=False) + "\n", encoding="utf-8")
     if found.comparison.model.campaign.trials is not None:
-        paths.append(output / "trials.csv")
+        paths.append(output / TRIALS)
         trials_table(found).to_csv(paths[1], index=False, float_format="%.6g")
     return paths
 

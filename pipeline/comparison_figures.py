@@ -24,6 +24,8 @@ DESCRIBED, CALIBRATED, WRONG, RIGHT, MEASURED = "#888888", COLOURS[0], COLOURS[1
 NEITHER = "#555555"
 #: Marks of the outcomes.
 MARKS = {"stable": "o", "marginal": "d", "chatter": "X"}
+#: Folder of the figures, and those that there may be.
+FOLDER, NAMES = "figures", ("lobes", "receptances", "residuals", "pulls")
 #: Decades of a receptance below its largest that are shown.
 DECADES = 2.5
 #: Entries of the legend that belong to lobes alone.
@@ -179,7 +181,8 @@ def _magnitude(axes: Axes, found: Assessment, number: int, measured: Receptance)
         predicted = np.abs(version.compared.prediction.receptances[number]) / si_factor("x_um")
         axes.semilogy(hertz, predicted, line, color=colour, linewidth=1.2, label=label)
     axes.set_ylim(size.max() / 10.0**DECADES, size.max() * 2.0)
-    axes.set_xlim(hertz[0], hertz[-1])
+    if len(hertz) > 1:
+        axes.set_xlim(hertz[0], hertz[-1])
     axes.set_title(str(measured), loc="right", fontsize="small")
     axes.set_ylabel(f"magnitude [{UNIT}]")
     axes.grid(alpha=0.3)
@@ -193,7 +196,8 @@ def _receptance_residual(axes: Axes, found: Assessment, number: int, measured: R
         standard = np.abs(apart) / (np.sqrt(2.0) * line_errors(measured.value))
         axes.plot(hertz, standard, line, color=colour, linewidth=1.0)
     axes.axhline(1.0, color="black", linewidth=0.8)
-    axes.set_xlim(hertz[0], hertz[-1])
+    if len(hertz) > 1:
+        axes.set_xlim(hertz[0], hertz[-1])
     axes.set_ylim(bottom=0.0)
     axes.set_ylabel("difference\n[deviations]")
     axes.set_xlabel("frequency [Hz]")

@@ -1,6 +1,7 @@
 """A comparison for people: a page, and its gist on a terminal."""
 
 import base64
+import math
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,14 @@ CAPTIONS = {
     "pulls": "Parameters of the calibration in widths of what is plausible before measuring. Beyond three the fit "
     "bends a parameter to stand in for something that the model lacks.",
 }
+PAGE = "report.html"
+#: Everything that there may be to write.
+FILES = (
+    comparison_document.DOCUMENT,
+    comparison_document.TRIALS,
+    *(f"{comparison_figures.FOLDER}/{name}.png" for name in comparison_figures.NAMES),
+    PAGE,
+)
 #: Failures that are told on a terminal.
 TOLD_FAILURES = 5
 #: Names of the quantities for readers.
@@ -47,8 +56,8 @@ PER_CENT = ("outcome", "depth_margin", "limit_depth", "receptance", "natural_fre
 def write(found: Assessment, campaign: str, output: Path) -> list[Path]:
     """Write data, figures and page of a comparison; return the paths."""
     written = comparison_document.write(found, campaign, output)
-    pictures = comparison_figures.write(found, output / "figures")
-    page = output / "report.html"
+    pictures = comparison_figures.write(found, output / comparison_figures.FOLDER)
+    page = output / PAGE
     environment = Environment(loader=PackageLoader("pipeline"), autoescape=select_autoescape())
     content = environment.get_template("comparison.html").render(
         title=f"Model and measurements: {campaign}",
@@ -80,7 +89,7 @@ def summary(found: Assessment) -> str:
     widths = (20, 28, 28, 28)
     header = ("error of", "as described", "calibrated", "held out")
     for row in [header, *(row[:4] for row in error_rows(found))]:
-        lines.append("".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
+        lines.append("  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
     lines += ["", *headlines(found)]
     for failure in found.refitted.failures[:TOLD_FAILURES]:
         lines.append(f"- {failure.text}")
@@ -145,12 +154,14 @@ def _measured(found: Assessment) -> str:
 
 
 def _shown(name: str, score: Score | None) -> str:
-    if score is None:
+    if score is None or not math.isfinite(score.value):
         return ""
-    if name in PER_CENT:
-        return f"{_percent(score.value)} ({_percent(score.low)} to {_percent(score.high)})"
     unit = " Hz" if name == "chatter_frequency" else ""
-    return f"{score.value:.3g}{unit} ({score.low:.3g} to {score.high:.3g})"
+    value, low, high = (
+        _percent(number) if name in PER_CENT else f"{number:.3g}" for number in (score.value, score.low, score.high)
+    )
+    # One datum has no scatter.
+    return f"{value}{unit}" + (f" ({low} to {high})" if math.isfinite(score.low + score.high) else "")
 
 
 def _percent(value: float) -> str:

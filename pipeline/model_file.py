@@ -1,5 +1,6 @@
 """A calibrated model as a file, model.yaml: what was fitted, how surely, and of which machine."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from pathlib import Path
@@ -15,7 +16,7 @@ from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.machine import Machine
-from chatter_core.reading import load_yaml, sentences
+from chatter_core.reading import load_yaml, sentences, shown
 from pipeline.settings import differing_keys
 
 HEAD = """# A calibrated model: the machine that it belongs to, effects, and parameters as they were fitted.
@@ -23,6 +24,10 @@ HEAD = """# A calibrated model: the machine that it belongs to, effects, and par
 """
 #: Parameters of a response are of its measurement, and say nothing of other cuts.
 OF_A_RESPONSE = "receptance_"
+#: Widths of its prior that an estimate may be away from it: of what lies farther no computer holds the factor.
+FARTHEST = 100.0
+#: Parameters that depend on what was measured beside the machine: absent where no label is marginal.
+OPTIONAL = ("marginal_width", "mislabelled", "outcome_width")
 #: Digits of estimates, and of correlations.
 DIGITS, CORRELATION_DIGITS = 8, 5
 
@@ -148,26 +153,33 @@ def read(path: Path, machine: Machine) -> ModelFile:
 def belief_of(found: ModelFile, path: Path, model: CampaignModel) -> Belief:
     """Return what a model file says of the parameters of a model.
 
-    Raises InvalidInput when it names a parameter that the model has not, or values that it does not allow.
+    Raises InvalidInput when it names a parameter that the model has not, or twice, in another unit or with a value
+    that it does not allow.
     """
-    known = {parameter.name: parameter for parameter in model.parameters}
-    problems = []
-    for parameter in found.parameters:
-        own = known.get(parameter.name)
-        if own is None and parameter.name not in OPTIONAL:
-            problems.append(f"{path}: parameters: {parameter.name}: unknown; allowed: {', '.join(known)}")
-        elif own is not None and not own.lower <= parameter.estimate <= own.upper:
-            problems.append(
-                f"{path}: parameters: {parameter.name}: found {parameter.estimate:g} {own.unit}, "
-                f"allowed {own.lower:g} to {own.upper:g}"
-            )
+    problems = [f"{path}: {problem}" for problem in _parameter_problems(found, model)]
     if problems:
         raise InvalidInput(problems)
     return found.belief
 
 
-#: Parameters that depend on what was measured beside the machine: absent where no label is marginal.
-OPTIONAL = ("marginal_width", "mislabelled", "outcome_width")
+def _parameter_problems(found: ModelFile, model: CampaignModel) -> Iterator[str]:
+    """Yield what is wrong with the parameters, seen by the model's own."""
+    known = {parameter.name: parameter for parameter in model.parameters}
+    names = [parameter.name for parameter in found.parameters]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        yield f"parameters: {shown(name)} stands twice; keep one of them"
+    for parameter in found.parameters:
+        own = known.get(parameter.name)
+        if own is None:
+            if parameter.name not in OPTIONAL:
+                yield f"parameters: {shown(parameter.name)}: unknown; allowed: {', '.join(known)}"
+            continue
+        if parameter.unit != own.unit:
+            yield f"parameters: {own.name}: found unit {shown(parameter.unit)}, allowed: {shown(own.unit)}"
+        reach = FARTHEST * own.prior_width
+        lower, upper = max(own.lower, own.prior_mean - reach), min(own.upper, own.prior_mean + reach)
+        if not lower <= parameter.estimate <= upper:
+            yield (f"parameters: {own.name}: found {parameter.estimate:g} {own.unit}, allowed {lower:g} to {upper:g}")
 
 
 def _rounded(value: Any, digits: int) -> float:

@@ -1,5 +1,6 @@
 """What a model says of cuts that are planned: their table, with what is predicted beside it."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from pydantic import Field
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
-from chatter_core.evidence.campaign import planned_trials
+from chatter_core.evidence.campaign import is_read, planned_trials
 from chatter_core.evidence.measured import DIRECTIONS, PLANNED, Trials
 from chatter_core.evidence.planned import PlannedCuts, planned_campaign, predict_planned
 from chatter_core.units import si_factor
@@ -30,15 +31,14 @@ def run(words: list[str]) -> int:
     sorted_words = sort_words(words, (*PredictOptions.model_fields, EFFECTS))
     options = options_of(sorted_words, PredictOptions, "predict")
     assert isinstance(options, PredictOptions)
-    if options.predictions.resolve() == options.trials.resolve():
-        raise InvalidInput([f"predictions: {options.predictions} is the table of trials itself; name another file"])
+    _refuse_loss(options)
     with threadpool_limits(1):
         known, belief, content = read(options, sorted_words)
         trials, order = planned_trials(options.trials, known.campaign.machine)
         model = model_of(planned_campaign(known.campaign, trials), content)
         found = predict_planned(model, belief)
     make_folder(options.predictions.parent)
-    table(trials, found).iloc[order].to_csv(options.predictions, index=False, float_format="%.8g")
+    _write(options.predictions, table(trials, found).iloc[order].to_csv(index=False, float_format="%.8g"))
     failed = int((found.status != STATUS["ok"]).sum())
     chatter = int((found.margin > 0.0).sum())
     print(f"{len(trials)} cuts: {chatter} predicted with chatter, {len(trials) - chatter - failed} stable")
@@ -46,6 +46,33 @@ def run(words: list[str]) -> int:
     if failed:
         print(f"error: no result for {failed} cuts; the column status says why", file=sys.stderr)
     return 1 if failed else 0
+
+
+def _refuse_loss(options: PredictOptions) -> None:
+    """Raise InvalidInput where the answer would take the place of what was read."""
+    place = options.predictions.resolve()
+    if place == options.trials.resolve():
+        raise InvalidInput([f"predictions: {options.predictions} is the table of trials itself; name another file"])
+    measured = place.parent == options.campaign.resolve() and is_read(place.name)
+    if measured or (options.model is not None and place == options.model.resolve()):
+        raise InvalidInput([f"predictions: {options.predictions} is read for the prediction; name another file"])
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a table beside its place and move it there: what fails halfway leaves what was there before."""
+    if path.exists() and not path.is_file():
+        # A pipe or a terminal; whatever else it is says so itself.
+        path.write_text(text, encoding="utf-8")
+        return
+    place = path.resolve()
+    beside = place.with_name(f".{place.name}.{os.getpid()}")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        beside.replace(place)
+    except OSError as error:
+        raise InvalidInput([f"predictions: {path} cannot be written: {error.strerror or error}"]) from None
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def table(trials: Trials, found: PlannedCuts) -> pd.DataFrame:

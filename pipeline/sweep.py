@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -19,7 +19,6 @@ import yaml
 import zarr
 from distributed import Client, as_completed
 from distributed.scheduler import KilledWorker
-from filelock import FileLock, Timeout
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
@@ -27,7 +26,8 @@ from chatter_core.variables import FAILED, STATUS, WITH_RESULT
 from pipeline import report, store
 from pipeline.cluster import WORKER_PATIENCE, open_client, worker_count
 from pipeline.configuration import EFFECTS, compose_settings, make_folder, modal_parameters_of, sort_words
-from pipeline.errors import StorageFailed, StoreInUse, WorkersLost
+from pipeline.errors import StorageFailed, WorkersLost
+from pipeline.locking import locked, remove_empty
 from pipeline.progress import Journal, Meter
 from pipeline.settings import Settings, differing_keys
 from pipeline.task import KERNEL, Record, Task, compute_chunk, compute_point
@@ -94,12 +94,12 @@ def execute(
     path, existed = output / "lobes.zarr", output.exists()
     make_folder(output)
     # One thread here as in every worker: the order of summation, and so the last digit, stays the same.
-    with _locked(output), threadpool_limits(1):
+    with locked(output), threadpool_limits(1):
         try:
             _prepare(settings, output, path, argv or [])
         except InvalidInput:
             if not existed:
-                _remove_empty(output)
+                remove_empty(output)
             raise
         journal = Journal(output / "journal.jsonl")
         journal.write("start", argv=argv or [], pid=os.getpid(), host=socket.gethostname())
@@ -117,38 +117,6 @@ def execute(
                 "the same command goes on once there is room"
             ) from None
         return _finish(output, path, journal)
-
-
-def _remove_empty(output: Path) -> None:
-    """Remove the folder that was made for a run which then was refused."""
-    with suppress(OSError):
-        for name in (".lock", "lock.json"):
-            (output / name).unlink(missing_ok=True)
-        output.rmdir()
-
-
-@contextmanager
-def _locked(output: Path) -> Iterator[None]:
-    """Hold the folder for this run; the lock frees itself when the process dies, however it dies."""
-    holder = output / "lock.json"
-    lock = FileLock(output / ".lock", timeout=0)
-    try:
-        lock.acquire()
-    except Timeout:
-        try:
-            said = json.loads(holder.read_text())
-            who = f"process {said['pid']} on {said['host']} since {said['since']}"
-        except (OSError, ValueError, KeyError):
-            who = "another process"
-        raise StoreInUse(f"{output}: in use by {who}; wait for it, or choose another folder with output=DIR") from None
-    except OSError as error:
-        raise InvalidInput([f"output: {output} cannot be written: {error.strerror}"]) from None
-    try:
-        holder.write_text(json.dumps({"pid": os.getpid(), "host": socket.gethostname(), "since": store.now()}))
-        yield
-    finally:
-        holder.unlink(missing_ok=True)
-        lock.release()
 
 
 def _prepare(settings: Settings, output: Path, path: Path, argv: list[str]) -> None:

@@ -36,11 +36,13 @@ from chatter_core.evidence.measured import (
 from chatter_core.evidence.table import Rows, read_table
 from chatter_core.evidence.uff import UFF_ENDINGS, read_uff
 from chatter_core.machine import Machine
-from chatter_core.reading import read_machine
+from chatter_core.reading import printable, read_machine
 
 MACHINE_FILE = "machine.yaml"
 #: Receptances of tool tips that are met [m/N], by the median over frequency.
 USUAL_RECEPTANCE = (1e-9, 1e-4)
+#: No motion is as small [m/N]: an atom's size at a meganewton is 1e-16.
+LEAST_RECEPTANCE = 1e-30
 #: Share of the imaginary part in a response's peak beyond which its sign is that of a resonance.
 CLEAR_SIGN = 0.5
 #: Endings of files that are probably meant to be read.
@@ -67,6 +69,14 @@ class Campaign:
     remarks: tuple[str, ...]
     unknown_columns: tuple[str, ...]
 
+    @property
+    def extreme_preloads(self) -> tuple[float, ...]:
+        """The smallest and the largest preload [N] that rows of the tables state; none where none does."""
+        tables = [table.preload for table in (self.trials, self.stiffness) if table is not None]
+        stated = np.concatenate([np.empty(0), *tables])
+        stated = stated[np.isfinite(stated)]
+        return (float(stated.min()), float(stated.max())) if len(stated) else ()
+
 
 def read_campaign(folder: Path) -> Campaign:
     """Return the campaign in a folder.
@@ -88,7 +98,10 @@ def read_campaign(folder: Path) -> Campaign:
         if found is not None:
             receptances += found.receptances
             remarks += found.remarks
-    problems += _measured_twice(folder, receptances)
+    problems += [*_measured_twice(folder, receptances), *_without_motion(folder, receptances)]
+    if machine is not None and machine.spindle is None and BEARING.file in rows:
+        del rows[BEARING.file]
+        unread.append(f"{BEARING.file}: is not used, the machine's measured tip modes know no bearings")
     if not problems and not rows and not receptances:
         problems.append(_nothing_measured(folder, unread))
     if STABILITY.file in rows and machine is not None:
@@ -122,7 +135,7 @@ def read_responses(path: Path) -> Responses:
         found = Responses(
             receptances=tuple(_receptances(rows, path.name)), unknown_columns=_unknown_columns(rows, path.name)
         )
-    problems = _measured_twice(path.parent, found.receptances)
+    problems = [*_measured_twice(path.parent, found.receptances), *_without_motion(path.parent, found.receptances)]
     if problems:
         raise InvalidInput(problems)
     odd = [remark for receptance in found.receptances for remark in _odd_receptance(receptance)]
@@ -144,6 +157,14 @@ def planned_trials(path: Path, machine: Machine) -> tuple[Trials, NDArray[np.int
     nothing = np.full(len(rows), np.nan)
     silent = {"outcome": np.zeros(len(rows)), "chatter_frequency": nothing}
     return _trials(replace(rows, columns={**rows.columns, **silent})), np.argsort(rows.line, kind="stable")
+
+
+def is_read(name: str) -> bool:
+    """Return whether a file of this name in a campaign's folder is part of the campaign.
+
+    See docs/physics.md#comparison.
+    """
+    return name in (MACHINE_FILE, *(table.file for table in TABLES)) or name.lower().endswith(UFF_ENDINGS)
 
 
 def _noting(problems: list[str], read: Callable[P, T], *what: P.args, **how: P.kwargs) -> T | None:
@@ -188,7 +209,7 @@ def _unread_files(folder: Path) -> list[str]:
     for path in sorted(folder.iterdir()):
         if path.suffix.lower() in TABLE_ENDINGS and path.name not in names:
             close = difflib.get_close_matches(path.name.lower(), names, n=1)
-            remarks.append(f"{path.name}: is not read" + (f"; did you mean {close[0]}?" if close else ""))
+            remarks.append(f"{printable(path.name)}: is not read" + (f"; did you mean {close[0]}?" if close else ""))
     return remarks
 
 
@@ -209,6 +230,16 @@ def _measured_twice(folder: Path, receptances: Sequence[Receptance]) -> list[str
                 f"{folder / receptance.source}: receptance {receptance} stands in {other.source} too; keep one of them"
             )
     return problems
+
+
+def _without_motion(folder: Path, receptances: Sequence[Receptance]) -> list[str]:
+    """Return a finding for every response that is zero on all lines, and so has no errors to be weighed by."""
+    return [
+        f"{folder / receptance.source}: receptance {receptance} is zero on every line; leave it out where nothing was "
+        "measured"
+        for receptance in receptances
+        if not np.abs(receptance.value).max() > LEAST_RECEPTANCE
+    ]
 
 
 def _contradictions(path: Path, rows: Rows, machine: Machine) -> list[str]:

@@ -5,7 +5,7 @@ follows from the machine and from what was measured.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -98,13 +98,15 @@ def log_bounds(description: Description, names: tuple[str, ...]) -> tuple[float,
     return min(lower, 0.0), max(upper, 0.0)
 
 
-def machine_nuisances(machine: Machine) -> tuple[Nuisance, ...]:
+def machine_nuisances(machine: Machine, preloads: Sequence[float] = ()) -> tuple[Nuisance, ...]:
     """Return the nuisances that apply to a machine: of its cut, and of its spindle or its measured modes.
 
+    preloads: those [N] at which it was measured too; the factor of the preload keeps them all within their bounds.
     A quantity that is zero has no factor and no nuisance.
 
     See docs/physics.md#model-and-nuisances.
     """
+    others = [machine.with_preload(preload) for preload in preloads] if machine.spindle is not None else []
     return tuple(
         Nuisance(
             parameter=Parameter(
@@ -119,7 +121,7 @@ def machine_nuisances(machine: Machine) -> tuple[Nuisance, ...]:
             change=row.change,
         )
         for row in _ROWS
-        if (parts := [(part, names) for part, names in row.scales(machine) if names])
+        if (parts := [found for one in (machine, *others) for found in row.scales(one) if found[1]])
     )
 
 

@@ -282,4 +282,6 @@ def base_model(campaign: Campaign, effects: tuple[Term, ...] = ()) -> CampaignMo
 
     See docs/physics.md#model-and-nuisances.
     """
-    return CampaignModel(campaign=campaign, terms=(*machine_nuisances(campaign.machine), *effects))
+    return CampaignModel(
+        campaign=campaign, terms=(*machine_nuisances(campaign.machine, campaign.extreme_preloads), *effects)
+    )

@@ -1,12 +1,18 @@
 """The commands ``compare`` and ``predict``: from a campaign's folder to numbers, pictures, a page and a model."""
 
 import csv
+import errno
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import psutil
 import pytest
 import yaml
 from PIL import Image
@@ -18,6 +24,7 @@ from chatter_core.evidence.likelihood import balanced_error
 from chatter_core.evidence.measured import OUTCOMES
 from pipeline import comparison_figures, model_file
 from pipeline.__main__ import main
+from pipeline.locking import locked
 from tests.synthetic import campaign, tip_machine, trials
 
 DATA = Path(__file__).parents[1] / "data"
@@ -178,6 +185,126 @@ def test_bad_input_is_told_and_leaves_nothing_behind(tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
+def test_nothing_that_was_read_is_written_over(tmp_path, capsys, down_milling):
+    campaign = tmp_path / "campaign"
+    shutil.copytree(CAMPAIGNS / "r02", campaign)
+    model, file = tmp_path / "model.yaml", plan(tmp_path, [[1, 3600, 1.0]])
+    shutil.copy(down_milling / "model.yaml", model)
+    before = {path: path.read_bytes() for path in (*campaign.iterdir(), model, file)}
+    words = (f"campaign={campaign}", f"model={model}")
+    assert "is the folder of the campaign itself" in refused(capsys, "compare", *words, f"output={campaign}")
+    assert "holds the model that is compared" in refused(capsys, "compare", *words, f"output={tmp_path}")
+    assert "output: is empty" in refused(capsys, "compare", *words, "output=")
+    for place in (campaign / "stability.csv", campaign / "machine.yaml", campaign / "new.uff", model):
+        said = refused(capsys, "predict", *words, f"trials={file}", f"predictions={place}")
+        assert "is read for the prediction" in said
+    assert {path: path.read_bytes() for path in before} == before
+    assert set(campaign.iterdir()) | {model, file} == set(before)
+
+
+def test_an_answer_is_not_written_over_that_of_another_campaign(tmp_path, capsys):
+    (tmp_path / "comparison.json").write_text(json.dumps({"campaign": "r02"}))
+    said = refused(capsys, "compare", f"campaign={CAMPAIGNS / 'r01'}", f"output={tmp_path}")
+    assert "holds the comparison with campaign 'r02'" in said
+
+
+@pytest.fixture
+def quick(tmp_path):
+    """A campaign that is compared in a second: one measured mode, and one that the machine has not."""
+    campaign = tmp_path / "quick"
+    campaign.mkdir()
+    shutil.copy(CAMPAIGNS / "r01" / "machine.yaml", campaign)
+    head = "spindle_speed_rpm,mode,natural_frequency_hz,damping_ratio\n"
+    (campaign / "modes.csv").write_text(head + "0,1,147,0.004\n0,5,900,\n")
+    return campaign
+
+
+def test_names_do_nothing_to_page_and_terminal(tmp_path, capsys, quick):
+    campaign = quick.rename(tmp_path / "<script> \x1b[31m $x_1$")
+    (campaign / "a\x1b<i>.csv").write_text("")
+    main(["compare", f"campaign={campaign}", f"output={tmp_path / 'out'}", SERIAL])
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "&lt;script&gt;" in page
+    assert "<i>" not in page
+    assert "\x1b" not in page + capsys.readouterr().out
+
+
+def test_data_without_an_answer_are_told_by_the_exit_code(tmp_path, capsys, quick):
+    assert main(["compare", f"campaign={quick}", f"output={tmp_path / 'out'}", SERIAL]) == 1
+    assert "no answer for 1 data" in capsys.readouterr().err
+
+
+def test_figures_of_an_earlier_comparison_do_not_stay(tmp_path, quick):
+    output = tmp_path / "out"
+    (output / "figures").mkdir(parents=True)
+    for name in ("trials.csv", "figures/lobes.png", "notes.txt"):
+        (output / name).write_text("earlier")
+    main(["compare", f"campaign={quick}", f"output={output}", SERIAL])
+    names = {str(path.relative_to(output)) for path in output.rglob("*") if path.is_file()}
+    assert names - {".lock"} == {"comparison.json", "report.html", "model.yaml", "figures/pulls.png", "notes.txt"}
+
+
+def test_what_cannot_be_written_leaves_what_was_there(tmp_path, capsys, monkeypatch, quick):
+    def full(*arguments, **options):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    words = ["compare", f"campaign={quick}", SERIAL]
+    monkeypatch.setattr("pipeline.model_file.write", full)
+    assert main([*words, f"output={tmp_path / 'new'}"]) == 2
+    assert f"output: {tmp_path / 'new'} cannot be written: No space left on device" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "report.html").write_text("earlier")
+    assert main([*words, f"output={tmp_path / 'old'}"]) == 2
+    assert {path.name for path in (tmp_path / "old").iterdir()} == {".lock", "report.html"}
+    assert (tmp_path / "old" / "report.html").read_text() == "earlier"
+
+
+def test_a_folder_in_use_is_left_alone(tmp_path, capsys, quick):
+    output = tmp_path / "out"
+    output.mkdir()
+    with locked(output):
+        assert main(["compare", f"campaign={quick}", f"output={output}", SERIAL]) == 3
+    assert f"in use by process {os.getpid()}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("number", "kind"), [(signal.SIGTERM, "serial"), (signal.SIGINT, "local")])
+def test_a_stopped_comparison_ends_in_order_and_leaves_nothing(tmp_path, number, kind):
+    output, scratch = tmp_path / "out", tmp_path / "scratch"
+    scratch.mkdir()
+    words = ["compare", f"campaign={CAMPAIGNS / 'd01'}", f"output={output}", f"cluster={kind}"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "pipeline", *words, *(["cluster.workers=1"] if kind == "local" else [])],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "TMPDIR": str(scratch)},
+    )
+    try:
+        # The first piece of work is done, and others are under way.
+        first = process.stderr.readline()
+        os.killpg(process.pid, number)
+        _, told = process.communicate(timeout=60.0)
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+    assert process.returncode == 128 + number, told
+    assert "1 of 2" in first
+    assert "Traceback" not in told
+    assert not output.exists()
+    assert not list(scratch.iterdir())
+    assert not [one for one in psutil.process_iter() if _runs_in_session(one, process.pid)]
+
+
+def _runs_in_session(process, session):
+    """Whether a process lives and belongs to a session; one that has ended may wait for whoever adopted it."""
+    try:
+        return os.getsid(process.pid) == session and process.status() != psutil.STATUS_ZOMBIE
+    except (ProcessLookupError, psutil.NoSuchProcess):
+        return False
+
+
 def test_a_model_of_another_machine_or_with_odd_content_is_refused(tmp_path, capsys, down_milling):
     model, file = tmp_path / "model.yaml", plan(tmp_path, [[1, 3600, 1.0]])
     content = yaml.safe_load((down_milling / "model.yaml").read_text())
@@ -190,8 +317,20 @@ def test_a_model_of_another_machine_or_with_odd_content_is_refused(tmp_path, cap
         return refused(capsys, "predict", *words)
 
     assert "they differ in process.direction" in said(lambda c: None, "r01")
-    assert "parameters: nonsense: unknown" in said(lambda c: c["parameters"][0].update(name="nonsense"))
+    assert "parameters: 'nonsense': unknown" in said(lambda c: c["parameters"][0].update(name="nonsense"))
     assert "estimate" in said(lambda c: c["parameters"][0].update(estimate="many"))
+    assert "effects: found 'nonsense'" in said(lambda c: c.update(effects={"nonsense": {}}))
+    assert "needed: axis" in said(lambda c: c.update(effects={"workpiece_mode": {}}))
+    assert "effects.workpiece_mode.axis: found 'z'" in said(
+        lambda c: c.update(effects={"workpiece_mode": {"axis": "z"}})
+    )
+    assert "effects: found" in said(lambda c: c.update(effects=["process_damping"]))
+    assert "'kn' stands twice" in said(lambda c: c["parameters"][0].update(name="kn"))
+    assert "found unit 'Hz', allowed: 'ln'" in said(lambda c: c["parameters"][0].update(unit="Hz"))
+    # Its factor would be infinite.
+    assert "outcome_width: found 800 ln, allowed -50 to 50" in said(
+        lambda c: next(p for p in c["parameters"] if p["name"] == "outcome_width").update(estimate=800.0)
+    )
     assert "found 99" in said(lambda c: c["parameters"][0].update(estimate=99.0))
     assert "correlation" in said(lambda c: c["correlation"].pop())
     assert "symmetric" in said(lambda c: c["correlation"][0].__setitem__(1, 5.0))

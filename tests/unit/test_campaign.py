@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from chatter_core.errors import InvalidInput
-from chatter_core.evidence import findings, read_campaign, table
+from chatter_core.evidence import findings, read_campaign, read_responses, table
 from chatter_core.evidence.columns import NO_WORD
 from chatter_core.evidence.measured import DIRECTIONS, OUTCOMES, TABLES
 
@@ -398,6 +398,28 @@ def test_a_preload_is_nothing_to_measured_tip_modes(tmp_path):
     assert read_campaign(tmp_path).remarks == (
         "stability.csv: preload_n is not used, the machine's measured tip modes know no preload",
     )
+
+
+def test_bearings_are_nothing_to_measured_tip_modes(tmp_path):
+    shutil.copy(CAMPAIGNS / "r01" / "machine.yaml", tmp_path)
+    (tmp_path / "bearing.csv").write_text("spindle_speed_rpm,preload_n,radial_stiffness_n_um\n3000,200,100\n")
+    said = "bearing.csv: is not used, the machine's measured tip modes know no bearings"
+    (problem,) = problems(tmp_path)
+    assert "no measurement yet" in problem
+    assert said in problem
+    (tmp_path / "stability.csv").write_text(STABILITY + "1,9000,1,chatter,\n")
+    found = read_campaign(tmp_path)
+    assert found.stiffness is None
+    assert found.remarks == (said,)
+
+
+@pytest.mark.parametrize("size", ["0", "1e-300"])
+def test_a_response_without_motion_is_refused(folder, size):
+    (folder / "frf.csv").write_text(FRF + f"0,100,x,y,{size},0\n0,110,x,y,0,-{size}\n0,100,x,x,1,-1\n")
+    said = "receptance x over y at 0 rpm is zero on every line; leave it out where nothing was measured"
+    assert problems(folder) == [f"{folder / 'frf.csv'}: {said}"]
+    with pytest.raises(InvalidInput, match="is zero on every line"):
+        read_responses(folder / "frf.csv")
 
 
 def test_a_frequency_that_a_stable_trial_names_is_not_passed_on(folder):

@@ -1,13 +1,14 @@
 """Nuisances change what they say, within the bounds of the machine's keys, and nothing else."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from chatter_core.errors import InvalidInput
-from chatter_core.evidence import read_campaign
+from chatter_core.evidence import base_model, read_campaign
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.nuisances import log_bounds, machine_nuisances, measurement_parameters, scaled
 from chatter_core.evidence.stages import Stages, apply_terms
@@ -113,3 +114,15 @@ def test_measurements_have_parameters_of_their_own():
     marginal = trials([600.0], [1e-3], outcome=np.array([OUTCOMES.index("marginal")], dtype=np.int8))
     assert [p.name for p in measurement_parameters(campaign(machine, trials=marginal))][2:] == ["marginal_width"]
     assert len(measurement_parameters(read_campaign(CAMPAIGNS / "d02"))) == 2 * 3 + 2
+
+
+def test_the_factor_of_the_preload_keeps_every_measured_preload_within_its_bounds(reference_machine):
+    cuts = replace(trials(np.array([800.0, 900.0, 1000.0]), np.full(3, 1e-3)), preload=np.array([0.11, np.nan, 9.9e5]))
+    measured = campaign(reference_machine, trials=cuts)
+    assert measured.extreme_preloads == (0.11, 9.9e5)
+    (preload,) = (p for p in base_model(measured).parameters if p.name == "preload")
+    # Allowed are 0.1 to 1e6 N; but for the clearance.
+    assert (preload.lower, preload.upper) == pytest.approx((math.log(0.1 / 0.11), math.log(1e6 / 9.9e5)), abs=1e-8)
+    alone = campaign(reference_machine, trials=trials(np.array([800.0]), np.array([1e-3])))
+    (own,) = (p for p in base_model(alone).parameters if p.name == "preload")
+    assert own.upper == pytest.approx(math.log(1e6 / reference_machine.spindle.preload), abs=1e-8)

@@ -1,0 +1,47 @@
+"""A folder of results that one run holds alone."""
+
+import json
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from chatter_core.errors import InvalidInput
+from pipeline.errors import StoreInUse
+
+
+@contextmanager
+def locked(output: Path) -> Iterator[None]:
+    """Hold the folder for this run; the lock frees itself when the process dies, however it dies."""
+    holder = output / "lock.json"
+    lock = FileLock(output / ".lock", timeout=0)
+    try:
+        lock.acquire()
+    except Timeout:
+        try:
+            said = json.loads(holder.read_text())
+            who = f"process {said['pid']} on {said['host']} since {said['since']}"
+        except (OSError, ValueError, KeyError):
+            who = "another process"
+        raise StoreInUse(f"{output}: in use by {who}; wait for it, or choose another folder with output=DIR") from None
+    except OSError as error:
+        raise InvalidInput([f"output: {output} cannot be written: {error.strerror}"]) from None
+    try:
+        since = datetime.now(UTC).isoformat(timespec="seconds")
+        holder.write_text(json.dumps({"pid": os.getpid(), "host": socket.gethostname(), "since": since}))
+        yield
+    finally:
+        holder.unlink(missing_ok=True)
+        lock.release()
+
+
+def remove_empty(output: Path) -> None:
+    """Remove the folder that was made for a run which then was refused or stopped."""
+    with suppress(OSError):
+        for name in (".lock", "lock.json"):
+            (output / name).unlink(missing_ok=True)
+        output.rmdir()
