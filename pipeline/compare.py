@@ -21,7 +21,7 @@ from pipeline import comparison_document, comparison_figures, comparison_page, m
 from pipeline.campaigns import CampaignOptions, cluster_of, options_of, read
 from pipeline.cluster import open_client
 from pipeline.configuration import EFFECTS, make_folder, sort_words
-from pipeline.jobs import Job, spread
+from pipeline.jobs import Job, spread_parts
 from pipeline.locking import locked, remove_empty
 
 #: Where the calibrated model is written.
@@ -112,33 +112,37 @@ def compute(client: Client | None, comparison: Comparison, belief: Belief) -> As
     """
     model = comparison.model
     before = belief.about(model)
-    described, fit = spread(
+    kinds = range(min(len(setups(model)), DRAWN_SETUPS))
+    first = spread_parts(
         client,
-        [
-            Job(name="model as described", call=partial(as_described, comparison, belief)),
-            Job(name="calibration", call=partial(calibrate, comparison, start=before.estimate)),
-        ],
+        {
+            "calibrated": [Job(name="calibration", call=partial(calibrate, comparison, start=before.estimate))],
+            "described": [Job(name="model as described", call=partial(as_described, comparison, belief))],
+            "held_out": [
+                Job(
+                    name=f"cuts held out, group {group + 1}", call=partial(held_out, comparison, before.estimate, group)
+                )
+                for group in range(groups(model.campaign))
+            ],
+            "lobes": [
+                Job(name="lobes as described", call=partial(field, model, before.sure(), kind)) for kind in kinds
+            ],
+        },
     )
+    (fit,), (described,) = first["calibrated"], first["described"]
     known = fitted(fit)
     parameters = [p.name for p in model.parameters if p.touches != "measurement"]
-    kinds = range(min(len(setups(model)), DRAWN_SETUPS))
-    jobs = {
-        "held_out": [
-            Job(name=f"cuts held out, group {group + 1}", call=partial(held_out, comparison, before.estimate, group))
-            for group in range(groups(model.campaign))
-        ],
-        "intervals": [Job(name=f"interval of {p}", call=partial(interval, comparison, fit, p)) for p in parameters],
-        "described": [
-            Job(name="lobes as described", call=partial(field, model, before.sure(), kind)) for kind in kinds
-        ],
-        "refitted": [Job(name="lobes as calibrated", call=partial(field, model, known, kind)) for kind in kinds],
-    }
-    answers = iter(spread(client, [job for some in jobs.values() for job in some]))
-    parts = {name: [next(answers) for _ in some] for name, some in jobs.items()}
+    second = spread_parts(
+        client,
+        {
+            "intervals": [Job(name=f"interval of {p}", call=partial(interval, comparison, fit, p)) for p in parameters],
+            "lobes": [Job(name="lobes as calibrated", call=partial(field, model, known, kind)) for kind in kinds],
+        },
+    )
     return assess(
         comparison,
-        described=(described, before, parts["described"]),
-        refitted=(fit, known, parts["refitted"]),
-        held_out=parts["held_out"],
-        intervals=dict(zip(parameters, parts["intervals"], strict=True)),
+        described=(described, before, first["lobes"]),
+        refitted=(fit, known, second["lobes"]),
+        held_out=first["held_out"],
+        intervals=dict(zip(parameters, second["intervals"], strict=True)),
     )

@@ -29,7 +29,7 @@ FOLDER, NAMES = "figures", ("lobes", "receptances", "residuals", "pulls")
 #: Decades of a receptance below its largest that are shown.
 DECADES = 2.5
 #: Entries of the legend that belong to lobes alone.
-_BOUNDARIES = ("boundary as described", "calibrated", f"{100 * COVERAGE:.0f} % band")
+_BOUNDARIES = ("boundary above", "boundary below", f"{100 * COVERAGE:.0f} % band")
 #: Panels in a row.
 COLUMNS = 2
 UNIT = "\N{MICRO SIGN}m/N"
@@ -56,7 +56,7 @@ def write(found: Assessment, folder: Path) -> list[Path]:
 
 
 def lobes(found: Assessment) -> Figure:
-    """Draw the boundary and the trials, as described above and calibrated below, for each setup of the cuts."""
+    """Draw the boundary and the trials by both versions of a model, one above the other, for each setup of the cuts."""
     pairs = list(zip(found.described.fields, found.refitted.fields, strict=True))
     figure = Figure(figsize=(10.0, 7.6 * len(pairs)), layout="constrained")
     panels = figure.subplots(2 * len(pairs), 1, squeeze=False)[:, 0]
@@ -70,8 +70,8 @@ def lobes(found: Assessment) -> Figure:
             _limits(axes, found, field)
             axes.set_title(_setup(field.machine), loc="right", fontsize="small")
             axes.set_ylabel("axial depth [mm]")
-        above.set_title("Model as described", loc="left", fontweight="bold")
-        below.set_title("Calibrated", loc="left", fontweight="bold")
+        above.set_title(found.described.title, loc="left", fontweight="bold")
+        below.set_title(found.refitted.title, loc="left", fontweight="bold")
         below.set_xlabel("spindle speed [rpm]")
     figure.legend(handles=_key(found), loc="outside lower center", ncols=4, frameon=False)
     return figure
@@ -206,7 +206,10 @@ def _receptance_residual(axes: Axes, found: Assessment, number: int, measured: R
 
 def _versions(found: Assessment) -> tuple[tuple[Version, str, str, str], ...]:
     """Return both versions of the model, with colour, line and name."""
-    return (found.described, DESCRIBED, "--", "as described"), (found.refitted, CALIBRATED, "-", "calibrated")
+    return (
+        (found.described, DESCRIBED, "--", found.described.title.lower()),
+        (found.refitted, CALIBRATED, "-", found.refitted.title.lower()),
+    )
 
 
 def residuals(found: Assessment) -> Figure:

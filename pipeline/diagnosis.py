@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -11,8 +11,9 @@ from distributed import Client
 from chatter_core.effects import effect_names, variants
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, calibrate
-from chatter_core.evidence.assessment import dominant_modes
-from chatter_core.evidence.belief import Belief
+from chatter_core.evidence.assessment import Assessment, curvature, dominant_modes, version
+from chatter_core.evidence.belief import Belief, fitted
+from chatter_core.evidence.boundary import field, setups
 from chatter_core.evidence.candidates import Candidate, Hypothesis, fit_hypothesis, refit
 from chatter_core.evidence.failures import Failure, failures
 from chatter_core.evidence.held_out import groups, held_out, together
@@ -24,7 +25,7 @@ from chatter_core.evidence.ranking import NOTHING, Ranked, rank
 from chatter_core.evidence.scores import Score, cut_scores
 from chatter_core.evidence.verdict import Verdict, decide, failed_checks
 from pipeline.campaigns import settings_of
-from pipeline.jobs import Job, spread
+from pipeline.jobs import Job, spread, spread_parts
 from pipeline.model_file import Content
 
 #: Effects that restore what a base model was asked to leave out.
@@ -33,6 +34,8 @@ RESTORING = {"speed_dependent_bearing": "base", "higher_modes": "modes"}
 JUDGED = 1
 #: Second effects that are tried beside the first, the best of them by themselves.
 SECONDS = 4
+#: Setups of the cuts of which lobes are drawn, those with most cuts.
+DRAWN_SETUPS = 2
 #: Fewer cuts and responses together than this tell nothing.
 FEWEST_CUTS = 8
 
@@ -43,7 +46,8 @@ class Diagnosis:
 
     base: the model as it was, calibrated; ranking: nothing missing and single effects; pair: the best pair, None
     where none was tried; powers: of every candidate; left: where a hypothesis still fails, by name; held_out: scores
-    on cuts held out, by name; next_trial: what would part the two best.
+    on cuts held out, by name; next_trial: what would part the two best; before_and_after: the base model and the best
+    one, for pictures, None where nothing is missing.
     """
 
     content: Content
@@ -55,6 +59,7 @@ class Diagnosis:
     held_out: dict[str, dict[str, Score]]
     next_trial: NextTrial | None
     verdict: Verdict
+    before_and_after: Assessment | None
 
     @property
     def best(self) -> Hypothesis:
@@ -124,7 +129,7 @@ def diagnose(client: Client | None, model: CampaignModel, belief: Belief, conten
     verdict = decide(ranking, pair, powers, left)
     judged = [base, *([pair.best] if pair else []), *(one.best for one in ranking if one.name != NOTHING)][: JUDGED + 1]
     first, second = (one.best for one in ranking[:2]) if len(ranking) > 1 else (base, base)
-    return Diagnosis(
+    found = Diagnosis(
         content=content,
         base=base,
         ranking=ranking,
@@ -134,6 +139,35 @@ def diagnose(client: Client | None, model: CampaignModel, belief: Belief, conten
         held_out=_held_out(client, judged, belief.about(model).estimate),
         next_trial=next_trial(first, second),
         verdict=verdict,
+        before_and_after=None,
+    )
+    return found if found.best is base else replace(found, before_and_after=_before_and_after(client, base, found.best))
+
+
+def _before_and_after(client: Client | None, base: Hypothesis, best: Hypothesis) -> Assessment:
+    """Return the base model and a better one side by side."""
+    hypotheses = {"Calibrated base model": base, f"With {name_of(best)}": best}
+    kinds = range(min(len(setups(base.comparison.model)), DRAWN_SETUPS))
+    fields = spread_parts(
+        client,
+        {
+            title: [
+                Job(name="lobes", call=partial(field, one.comparison.model, fitted(one.fit), kind)) for kind in kinds
+            ]
+            for title, one in hypotheses.items()
+        },
+    )
+    before, after = (
+        version(title, one.comparison, one.fit, fitted(one.fit), fields[title]) for title, one in hypotheses.items()
+    )
+    return Assessment(
+        comparison=best.comparison,
+        described=before,
+        refitted=after,
+        held_out=None,
+        held_out_scores={},
+        held_out_groups=0,
+        intervals={p.name: curvature(best.fit, p.name, "") for p in best.fit.parameters},
     )
 
 

@@ -11,6 +11,10 @@ from pipeline.diagnosis import Diagnosis, outcome_error
 
 CAPTIONS = {
     "ranking": "Probability of each effect and of nothing missing, and the evidence for it.",
+    "lobes": "Boundary of stability and measured cuts, by the calibrated base model and with what is missing.",
+    "receptances": "Receptance of the tool tip, measured, by the calibrated base model, and with what is missing.",
+    "residuals": "What is left of margins and chatter frequencies with what is missing added.",
+    "pulls": "Parameters of the calibration with what is missing added, in widths of what is plausible.",
     "power": "What an effect of usual size would have left in these measurements. What ends before the dashed line "
     "could not have been told.",
 }

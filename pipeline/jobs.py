@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,6 +42,15 @@ def spread(client: Client | None, jobs: Sequence[Job]) -> list[Any]:
     finally:
         client.cancel(list(futures))
     return [answers[number] for number in range(len(jobs))]
+
+
+def spread_parts(client: Client | None, parts: Mapping[str, Sequence[Job]]) -> dict[str, list[Any]]:
+    """Return the answers of several lists of jobs, all of them spread together.
+
+    Raises what ``spread`` does.
+    """
+    answers = iter(spread(client, [job for jobs in parts.values() for job in jobs]))
+    return {name: [next(answers) for _ in jobs] for name, jobs in parts.items()}
 
 
 def _tell(done: int, total: int, name: str, began: float) -> None:

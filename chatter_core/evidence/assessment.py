@@ -41,11 +41,12 @@ class Limits:
 class Version:
     """A model with certain values of its parameters, held against the campaign.
 
-    belief: what is known of the parameters; fit: how they were found; compared: what every quantity says; told: of the
-    cuts; dominant_mode: (trial,) which mode chatters, 0 where unknown; scores; failures; fields: of the
-    setups that are drawn.
+    title: in words; belief: what is known of the parameters; fit: how they were found; compared: what every quantity
+    says; told: of the cuts; dominant_mode: (trial,) which mode chatters, 0 where unknown; scores; failures; fields:
+    of the setups that are drawn.
     """
 
+    title: str
     belief: Belief
     fit: Fit
     compared: Compared
@@ -135,8 +136,8 @@ def assess(
     said = together(held_out) if held_out else None
     return Assessment(
         comparison=comparison,
-        described=_version(comparison, *described),
-        refitted=_version(comparison, *refitted),
+        described=version("Model as described", comparison, *described),
+        refitted=version("Calibrated", comparison, *refitted),
         held_out=said,
         held_out_scores=cut_scores(comparison.model.campaign, said) if said is not None else {},
         held_out_groups=len(held_out),
@@ -144,13 +145,20 @@ def assess(
     )
 
 
-def _version(comparison: Comparison, fit: Fit, belief: Belief, fields: Sequence[Field]) -> Version:
+def version(title: str, comparison: Comparison, fit: Fit, belief: Belief, fields: Sequence[Field]) -> Version:
+    """Return a model with the values of a fit, held against the campaign.
+
+    belief: what is known of its parameters, which is more than the fit for a model as described.
+
+    See docs/physics.md#comparison.
+    """
     campaign = comparison.model.campaign
     compared = comparison.compare(fit.estimate)
     said = told(comparison, fit.estimate, compared.prediction)
     modes = dominant_modes(comparison.model, compared.prediction)
     calibrated = None if fit.fixed.any() else fit
     return Version(
+        title=title,
         belief=belief,
         fit=fit,
         compared=compared,
