@@ -1,0 +1,83 @@
+"""The commands ``diagnose`` and ``improve`` on real cuts: everything is written and agrees; bad input is told."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pipeline.__main__ import main
+
+CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
+VERDICTS = ("none", "effect", "ambiguous", "unexplained", "underpowered")
+
+
+@pytest.fixture(scope="module")
+def improved(tmp_path_factory):
+    """What ``improve`` leaves of the real cuts in up-milling."""
+    output = tmp_path_factory.mktemp("improve") / "r01"
+    assert main(["improve", f"campaign={CAMPAIGNS / 'r01'}", f"output={output}", "cluster=serial"]) == 0
+    return output
+
+
+def test_a_diagnosis_has_one_of_five_answers_and_its_reasons(improved):
+    document = json.loads((improved / "diagnosis.json").read_text())
+    assert document["verdict"] in VERDICTS
+    assert bool(document["missing"]) == (document["verdict"] in ("effect", "ambiguous"))
+    probability = [one["probability"] for one in document["ranking"]]
+    assert sum(probability) + document["probability_of_none"] == pytest.approx(1.0)
+    assert probability == sorted(probability, reverse=True)
+    for one in document["ranking"]:
+        for told in one["parameters"].values():
+            assert told["low"] <= told["estimate"] <= told["high"]
+    assert {row["effect"] for row in document["power"]} == {one["effect"] for one in document["ranking"]}
+    # A spindle's effects cannot act on measured modes, and say nothing here.
+    assert "thermal_preload" not in {one["effect"] for one in document["ranking"]}
+    assert set(document["calibration"]) >= {"specific_cutting_energy", "tip_frequency", "mislabelled"}
+    for name in ("ranking", "power", "history"):
+        assert (improved / "figures" / f"{name}.png").stat().st_size > 5_000
+    page = (improved / "report.html").read_text()
+    assert "What is missing: r01" in page
+
+
+def test_a_history_begins_as_described_and_its_model_predicts(improved, tmp_path):
+    with (improved / "history.csv").open() as file:
+        history = list(csv.DictReader(file))
+    assert [row["effect"] for row in history[:2]] == ["as described", "calibrated"]
+    assert 0.0 <= float(history[1]["outcome_held_out"]) <= 1.0
+    model = yaml.safe_load((improved / "model.yaml").read_text())
+    document = json.loads((improved / "diagnosis.json").read_text())
+    added = document["missing"][:1] if document["verdict"] == "ambiguous" else document["missing"]
+    assert list(model["effects"])[: len(added)] == added
+    trials = tmp_path / "trials.csv"
+    trials.write_text("trial,spindle_speed_rpm,axial_depth_mm\n1,3200,2.0\n2,2850,0.3\n")
+    words = [f"campaign={CAMPAIGNS / 'r01'}", f"model={improved / 'model.yaml'}", f"trials={trials}"]
+    assert main(["predict", *words, f"predictions={tmp_path / 'out.csv'}"]) == 0
+    with (tmp_path / "out.csv").open() as file:
+        assert [row["predicted_outcome"] for row in csv.DictReader(file)] == ["chatter", "stable"]
+
+
+def refused(capsys, *words):
+    assert main(list(words)) == 2
+    said = capsys.readouterr().err
+    assert "Traceback" not in said
+    return said
+
+
+def test_bad_input_is_told(tmp_path, capsys, improved):
+    campaign = f"campaign={CAMPAIGNS / 'r01'}"
+    assert "base: found 'half'" in refused(capsys, "diagnose", campaign, "base=half")
+    assert "modes: found '0'" in refused(capsys, "diagnose", campaign, "modes=0")
+    assert "did you mean process_damping" in refused(capsys, "diagnose", campaign, "effects=[process_damp]")
+    said = refused(capsys, "diagnose", campaign, "effects=[thermal_preload]")
+    assert "measured tip modes" in said
+    model = f"model={improved / 'model.yaml'}"
+    assert "modes: not beside model" in refused(capsys, "diagnose", campaign, model, "modes=2")
+    few = tmp_path / "few"
+    few.mkdir()
+    (few / "machine.yaml").write_text((CAMPAIGNS / "r01" / "machine.yaml").read_text())
+    (few / "stability.csv").write_text(
+        "trial,spindle_speed_rpm,axial_depth_mm,outcome\n1,3200,1.0,chatter\n2,2900,0.5,stable\n"
+    )
+    assert "found 2 cuts and nothing else" in refused(capsys, "diagnose", f"campaign={few}")

@@ -1,0 +1,111 @@
+"""Candidates: a hidden effect of the library is found with its size, and none where nothing is hidden."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from chatter_core.effects import variants
+from chatter_core.evidence import CampaignModel, Comparison, base_model, calibrate
+from chatter_core.evidence.candidates import Candidate, Hypothesis, extended, fit_hypothesis, refit
+from chatter_core.evidence.measured import OUTCOMES
+from chatter_core.evidence.next_trial import next_trial
+from chatter_core.evidence.power import ENOUGH, nuisance_slope, power
+from chatter_core.evidence.ranking import NOTHING, rank
+from tests.synthetic import RPM, campaign, tip_machine, trials
+
+#: Low speeds, where ploughing damps: 30 m/min and more on a cutter of 12 mm.
+SPEEDS = np.linspace(800.0, 3000.0, 12) * RPM
+DEPTHS = np.geomspace(1e-3, 2e-2, 8)
+COEFFICIENT = 8e4
+
+
+def candidate(name, number=0):
+    effect = variants(name)[number]
+    return Candidate(
+        name=name,
+        settings={setting.name: getattr(effect, setting.name) for setting in effect.settings},
+        term=effect,
+        shapes=tuple(f"{name}.{shape}" for shape in effect.shapes),
+        place=effect.place(),
+    )
+
+
+PROCESS_DAMPING = candidate("process_damping")
+ASYMMETRY = candidate("directional_asymmetry")
+
+
+def judged(coefficient):
+    """A campaign whose labels are those of the model with so much process damping, without noise."""
+    speed, depth = (axis.ravel() for axis in np.meshgrid(SPEEDS, DEPTHS, indexing="ij"))
+    plan = campaign(tip_machine(), trials=trials(speed, depth))
+    model = CampaignModel(campaign=plan, terms=(PROCESS_DAMPING.term,))
+    values = model.nulls
+    values[[p.name for p in model.parameters].index("process_damping.coefficient_n_m")] = coefficient
+    chatter = model.predict(values, quantities=("outcome",)).margin > 0.0
+    outcome = np.where(chatter, OUTCOMES.index("chatter"), OUTCOMES.index("stable")).astype(np.int8)
+    return replace(plan, trials=replace(plan.trials, outcome=outcome))
+
+
+def base_of(made):
+    comparison = Comparison(model=base_model(made))
+    return Hypothesis(candidates=(), comparison=comparison, fit=calibrate(comparison))
+
+
+@pytest.fixture(scope="module")
+def damped():
+    """Base model and both candidates on a campaign with process damping."""
+    base = base_of(judged(COEFFICIENT))
+    return base, [fit_hypothesis(base.comparison, [one], base) for one in (PROCESS_DAMPING, ASYMMETRY)]
+
+
+def test_a_hidden_effect_is_ranked_first_with_its_size(damped):
+    base, (found, other) = damped
+    ranking = rank(base, [found, other])
+    assert ranking[0].name == "process_damping"
+    assert ranking[0].gain > 10.0
+    fit = found.fit
+    place = [p.name for p in fit.parameters].index("process_damping.coefficient_n_m")
+    # Labels alone know the size to their own deviation: three of them hold it but for one case in 400.
+    assert abs(fit.estimate[place] - COEFFICIENT) < 3.0 * fit.standard_deviation[place]
+
+
+def test_nothing_hidden_is_said_to_be_nothing():
+    base = base_of(judged(0.0))
+    found = [fit_hypothesis(base.comparison, [one], base) for one in (PROCESS_DAMPING, ASYMMETRY)]
+    ranking = rank(base, found)
+    assert ranking[0].name == NOTHING
+    # It starts at what is nested in it, and cannot end below, but for the density of its own prior.
+    assert all(one.fit.log_likelihood > base.fit.log_likelihood - 1.0 for one in found)
+
+
+def test_power_tells_what_would_be_seen_from_what_would_not(damped):
+    base, _ = damped
+    slope = nuisance_slope(base)
+    assert power(base, PROCESS_DAMPING, slope).nats > ENOUGH
+    # At the null of everything the same effect leaves nothing where no cut is slow.
+    fast = judged(0.0)
+    quick = replace(fast, trials=replace(fast.trials, spindle_speed=20.0 * fast.trials.spindle_speed))
+    fast_base = base_of(quick)
+    assert power(fast_base, PROCESS_DAMPING, nuisance_slope(fast_base)).nats < ENOUGH
+
+
+def test_terms_act_in_the_order_of_the_chain_whoever_names_them_first():
+    base = Comparison(model=base_model(judged(0.0)))
+    one, other = extended(base, [PROCESS_DAMPING, ASYMMETRY]), extended(base, [ASYMMETRY, PROCESS_DAMPING])
+    assert [p.name for p in one.parameters] == [p.name for p in other.parameters]
+
+
+def test_refitting_never_makes_a_hypothesis_worse(damped):
+    base, (found, _) = damped
+    again = refit(base, found.fit)
+    assert again.fit.log_posterior >= base.fit.log_posterior
+
+
+def test_the_next_cut_lies_where_the_answers_differ(damped):
+    base, (found, _) = damped
+    trial = next_trial(found, base)
+    assert trial is not None
+    assert SPEEDS[0] <= trial.spindle_speed <= SPEEDS[-1]
+    assert abs(trial.probability[0] - trial.probability[1]) > 0.3
+    assert trial.expected_gain > 0.1
