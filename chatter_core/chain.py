@@ -4,7 +4,7 @@ Each step hands a frozen value to the next, and knows only the value before it:
 
     Machine --bearing_speed, preload, ring_growth--> BearingState --seat_stiffness, joints--> TipModes
     --tip_modes, cut_modes, linear_system--> LinearSystem
-    Machine --engagement, force_coefficients--> CuttingGain --regeneration--> DelayEquation
+    Machine --engagement, teeth, force_coefficients--> CuttingGain --regeneration--> DelayEquation
 
 The arrows are the functions of ``Stages``. A machine in the place of stages means those of the base model.
 """
@@ -159,7 +159,7 @@ def milling_equation(
         spindle_speed=speed,
         tool=machine.tool,
         coefficients=stages.force_coefficients(machine, speed),
-        engagement=stages.engagement(machine.process),
+        passages=stages.passages(),
     )
     used, system_index = np.unique(speed_index, return_inverse=True)
     cut = stages.regeneration(gain)

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from chatter_core import cutting, floquet, tip
 from chatter_core.bearing import BearingState
-from chatter_core.cutting import CuttingGain, Engagement, ForceCoefficients
+from chatter_core.cutting import CuttingGain, ForceCoefficients
 from chatter_core.joint import Joint
-from chatter_core.machine import Machine, Process, Spindle
+from chatter_core.machine import Machine, Process, Spindle, Tool
 from chatter_core.parameters import Array, Parameter
+from chatter_core.teeth import Engagement, Passages, Teeth, equal_teeth, passages
 from chatter_core.tip import TipModes
 
 ComplexArray = NDArray[np.complex128]
@@ -107,6 +108,14 @@ def linear_system(modes: TipModes, spindle_speed: Array) -> floquet.LinearSystem
     )
 
 
+def teeth(tool: Tool) -> Teeth:
+    """Return the teeth of a cutter: all alike.
+
+    See docs/physics.md#teeth.
+    """
+    return equal_teeth(tool.teeth)
+
+
 def force_coefficients(machine: Machine, spindle_speed: Array) -> ForceCoefficients:
     """Return the force coefficients at operating points (point,): the same at every speed.
 
@@ -119,14 +128,14 @@ def force_coefficients(machine: Machine, spindle_speed: Array) -> ForceCoefficie
 
 
 def regeneration(gain: CuttingGain) -> Regeneration:
-    """Return the feedback of equal teeth: each cuts what the one before it left, a tooth period ago.
+    """Return the feedback of the cut: each tooth cuts what another left, at equal teeth a tooth period ago.
 
     See docs/physics.md#delay-equation.
     """
     return Regeneration(
-        feedback=(floquet.DelayedFeedback(gain=gain, delay=gain.tooth_period),),
+        feedback=tuple(floquet.DelayedFeedback(gain=part, delay=delay) for part, delay in gain.by_delay()),
         velocity_gain=(),
-        period=gain.tooth_period,
+        period=gain.period,
         breakpoints=gain.breakpoints(),
     )
 
@@ -146,8 +155,14 @@ class Stages:
     cut_modes: Callable[[TipModes, Array], TipModes] = cut_modes
     linear_system: Callable[[TipModes, Array], floquet.LinearSystem] = linear_system
     engagement: Callable[[Process], Engagement] = cutting.engagement
+    teeth: Callable[[Tool], Teeth] = teeth
     force_coefficients: Callable[[Machine, Array], ForceCoefficients] = force_coefficients
     regeneration: Callable[[CuttingGain], Regeneration] = regeneration
+
+    def passages(self) -> Passages:
+        """Return which tooth cuts at which angles."""
+        process = self.machine.process
+        return passages(self.teeth(self.machine.tool), self.engagement(process), process.feed_per_tooth)
 
 
 def stages_of(model: Machine | Stages) -> Stages:

@@ -14,6 +14,7 @@ from chatter_core.cutting import CuttingGain, ForceCoefficients, engagement
 from chatter_core.errors import UnsupportedEquation
 from chatter_core.floquet import DelayedFeedback, DelayEquation, LinearSystem, MethodSettings, critical_motion
 from chatter_core.machine import Process, Tool
+from chatter_core.teeth import equal_teeth, passages
 from chatter_core.tip import TipModes, state_space
 from tests.conftest import milling_benchmark
 
@@ -42,8 +43,14 @@ def tooth_by_tooth(
             {"teeth": 1, "diameter_mm": 10.0, "helix_angle_deg": helix_deg, "rake_angle_deg": 0.0}
         ),
         coefficients=ForceCoefficients(tangential=600e6, radial=200e6),
-        engagement=engagement(
-            Process.model_validate({"direction": direction, "radial_immersion": immersion, "feed_per_tooth_mm": 0.1})
+        passages=passages(
+            equal_teeth(1),
+            engagement(
+                Process.model_validate(
+                    {"direction": direction, "radial_immersion": immersion, "feed_per_tooth_mm": 0.1}
+                )
+            ),
+            1e-4,
         ),
     )
     revolution = TURN / speed
