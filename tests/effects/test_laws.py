@@ -250,6 +250,57 @@ def test_coefficients_fall_with_speed_as_if_the_sheet_said_so(reference_machine:
         assert abs(found[place]) == pytest.approx(abs(expected[0]), rel=1e-9)
 
 
+@pytest.mark.parametrize("runout", [0.0, 400.0])
+def test_a_power_law_is_the_slope_of_the_force_slice_by_slice(runout: float, reference_machine: Machine):
+    """F = K h_ref (h/h_ref)^x itself, on thin slices of all edges, moved a little to either side in x and in y."""
+    process = reference_machine.process.model_copy(update={"feed_per_tooth": 8e-4})
+    effects = [activate("chip_thickness_power_law", {"exponent": 0.6})]
+    if runout:
+        effects.append(activate("tool_runout", {"runout_um": runout, "phase_deg": 20.0}))
+    stages = apply_effects(reference_machine.model_copy(update={"process": process}), effects)
+    speed, depth, step = np.array([9000.0]) * RPM, 4e-3, 1e-8
+    problem = milling_equation(stages, structure(stages, speed, mode_count=1), np.array([0]), np.array([depth]))
+    who, K, count = stages.passages(), stages.force_coefficients(reference_machine, speed), 4000
+    lag = 2.0 * (np.arange(count) + 0.5) / count * depth * math.tan(math.radians(30.0)) / 0.016
+
+    def force(time: float, x: float, y: float) -> np.ndarray:
+        total = np.zeros(2)
+        for q in range(len(who)):
+            for turn in range(-1, 5):
+                theta = speed[0] * time + who.ahead[q] + 0.5 * math.pi * who.repeat * turn - lag
+                theta = theta[(theta > who.entry[q]) & (theta < who.exit[q])]
+                sine, cosine = np.sin(theta), np.cos(theta)
+                chip = 8e-4 * who.pitches[q] * sine + who.longer[q] + x * sine + y * cosine
+                law = depth / count * 1e-4 * (np.maximum(chip, 0.0) / 1e-4) ** 0.6
+                along, inwards = K.tangential * law, K.radial * law
+                total += [-(along @ cosine) - inwards @ sine, along @ sine - inwards @ cosine]
+        return total
+
+    largest = max(np.abs(term.gain(np.linspace(0.0, problem.period, 200).T)).max() for term in problem.feedback)
+    for share in (0.07, 0.31, 0.55, 0.83):
+        time = share * float(problem.period[0])
+        found = sum(term.gain(np.array([[time]]))[0, 0] for term in problem.feedback)
+        columns = [(force(time, *d) - force(time, -d[0], -d[1])) / (2.0 * step) for d in ((step, 0.0), (0.0, step))]
+        # The edge's radius, a 250th of the feed, takes some per cent of the slope where an edge enters or leaves.
+        assert found == pytest.approx(np.array(columns).T, abs=0.02 * largest)
+
+
+def test_half_the_feed_is_another_coefficient(reference_machine: Machine):
+    """Away from its ends an edge has the coefficient x (h_0/h_ref)^(x - 1) K: half the feed, 2^(1 - x) of it."""
+    gains = []
+    for feed in (4e-4, 2e-4):
+        process = reference_machine.process.model_copy(update={"feed_per_tooth": feed, "direction": "up"})
+        straight = reference_machine.tool.model_copy(update={"helix_angle": 0.0})
+        machine = reference_machine.model_copy(update={"process": process, "tool": straight})
+        stages = model(machine, "chip_thickness_power_law", exponent=0.7)
+        built = structure(stages, np.array([1000.0]) * RPM, mode_count=1)
+        problem = milling_equation(stages, built, np.array([0]), np.array([1e-3]))
+        (term,), inside = problem.feedback, 0.5 * math.acos(1.0 - 2.0 * 0.4) / (1000.0 * RPM)
+        gains.append(term.gain(np.array([[inside]])))
+    # The edge's radius is a hundredth of these chips: its square.
+    assert gains[1] == pytest.approx(2.0**0.3 * gains[0], rel=2e-4)
+
+
 @pytest.mark.parametrize(("direction", "immersion", "error", "seen"), [
     ("down", 0.4, -0.25, 0.3), ("up", 0.4, 0.25, 0.5), ("up", 0.8, 0.5, 1.0), ("slot", 1.0, -0.2, 1.0),
 ])  # fmt: skip
