@@ -78,6 +78,14 @@ def joints(spindle: Spindle) -> tuple[Joint, ...]:
     return ()
 
 
+def gyroscopic_speed(spindle_speed: Array) -> Array:
+    """Return the speed (speed,) [rad/s], from x towards y, at which the rotor's gyroscopic moments act: none.
+
+    See docs/physics.md#rotor.
+    """
+    return np.zeros_like(spindle_speed)
+
+
 def tip_modes(known: KnownModes, spindle_speed: Array, mode_count: int) -> TipModes:
     """Return the modes at the tool tip over speed, as they are known.
 
@@ -100,11 +108,14 @@ def linear_system(modes: TipModes, spindle_speed: Array) -> floquet.LinearSystem
     See docs/physics.md#delay-equation.
     """
     space = tip.state_space(modes)
+    known = space.eigensystem
     return floquet.LinearSystem(
         state_matrix=space.state_matrix,
         input_matrix=space.input_matrix,
         output_matrix=space.output_matrix,
-        known_spectrum=floquet.Spectrum(poles=space.poles, modes=space.eigenvectors, inverse=space.inverse),
+        known_spectrum=None
+        if known is None
+        else floquet.Spectrum(poles=known.poles, modes=known.eigenvectors, inverse=known.inverse),
     )
 
 
@@ -150,6 +161,7 @@ class Stages:
     ring_growth: Callable[[Spindle, Array], Array] = ring_growth
     seat_stiffness: Callable[[Spindle, BearingState], Array] = seat_stiffness
     joints: Callable[[Spindle], tuple[Joint, ...]] = joints
+    gyroscopic_speed: Callable[[Array], Array] = gyroscopic_speed
     tip_modes: Callable[[KnownModes, Array, int], TipModes] = tip_modes
     receptance: Callable[[TipModes, Array], ComplexArray] = tip.receptance
     cut_modes: Callable[[TipModes, Array], TipModes] = cut_modes

@@ -97,7 +97,9 @@ class ChipThicknessPowerLaw(Effect):
         def regeneration(gain: CuttingGain) -> Regeneration:
             cut: Regeneration = before(gain)
             feedback = tuple(
-                replace(term, gain=PowerLawGain(cut=cast(CuttingGain, term.gain), exponent=exponent, feed_per_tooth=feed))
+                replace(
+                    term, gain=PowerLawGain(cut=cast(CuttingGain, term.gain), exponent=exponent, feed_per_tooth=feed)
+                )
                 for term in cut.feedback
             )
             return replace(cut, feedback=feedback)

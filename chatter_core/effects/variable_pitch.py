@@ -45,7 +45,9 @@ class VariablePitch(Effect):
         if teeth == 1:
             raise InvalidInput([f"effects.{self.name()}: tool.teeth is 1, and pitches need two teeth at least"])
         if self.pattern == "alternating" and teeth % 2:
-            raise InvalidInput([f"effects.{self.name()}.pattern: alternating needs an even number of teeth, not {teeth}"])
+            raise InvalidInput(
+                [f"effects.{self.name()}.pattern: alternating needs an even number of teeth, not {teeth}"]
+            )
 
     def transform(self, before: Any, machine: Machine, values: tuple[float, ...]) -> Any:
         """Return the teeth with other pitches."""

@@ -44,7 +44,7 @@ def radii(stages, rpm, depth_mm, mode_count: int = 2, refinement: float = 2.0):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_tooth_removes_what_the_lowest_path_before_it_left(seed: int):
-    """Brute force at random angles: every tooth before, for three revolutions, and the deepest path left the surface."""
+    """Brute force at random angles: of every tooth before, for three revolutions, the deepest left the surface."""
     rng = np.random.default_rng(seed)
     count, feed = int(rng.integers(1, 7)), 5e-5
     pitch = 1.0 + 0.3 * rng.uniform(-0.5, 0.5, count)
@@ -135,7 +135,10 @@ def test_runout_lets_teeth_miss_and_needs_more_feed_to_let_them_cut(reference_ma
     def cutting(feed_mm: float, runout_um: float) -> int:
         process = reference_machine.process.model_copy(update={"feed_per_tooth": feed_mm * 1e-3})
         stages = model(
-            reference_machine.model_copy(update={"process": process}), "tool_runout", runout_um=runout_um, phase_deg=20.0
+            reference_machine.model_copy(update={"process": process}),
+            "tool_runout",
+            runout_um=runout_um,
+            phase_deg=20.0,
         )
         return len(np.unique(stages.passages().ahead))
 
@@ -145,7 +148,7 @@ def test_runout_lets_teeth_miss_and_needs_more_feed_to_let_them_cut(reference_ma
 
 @pytest.mark.parametrize(("rpm", "direction"), [(3000.0, "down"), (3600.0, "slot"), (3300.0, "slot")])
 def test_pitches_half_a_wave_apart_are_the_best(rpm: float, direction: str):
-    """Two teeth, five to six waves between them: limit depths over the pitches' difference against dP = pi Omega/w_c."""
+    """Two teeth, five to six waves between: limit depths over the pitches' difference against dP = pi Omega/w_c."""
     machine = tip_machine(direction=direction, radial_immersion=1.0 if direction == "slot" else 0.5)
     speed = np.array([rpm]) * RPM
 
