@@ -138,9 +138,6 @@ def _envelope(slope: Array, start: Array) -> list[tuple[float, float, int]]:
 def _stretches(low: float, high: float, engagement: Engagement) -> list[tuple[float, float]]:
     """Return the angles within the engagement at which sin(theta) lies between two values: rising, then falling."""
     first, last = math.asin(low), math.asin(high)
-    if high == 1.0:
-        ranges = [(first, math.pi - first)]
-    else:
-        ranges = [(first, last), (math.pi - last, math.pi - first)]
+    ranges = [(first, math.pi - first)] if high == 1.0 else [(first, last), (math.pi - last, math.pi - first)]
     within = [(max(a, engagement.entry), min(b, engagement.exit)) for a, b in ranges]
     return [(a, b) for a, b in within if a < b]

@@ -52,6 +52,12 @@ class TipModes:
         coupling = None if self.gyroscopic is None else self.gyroscopic[speeds]
         return replace(self, gyroscopic=coupling, **{name: getattr(self, name)[speeds] for name in OVER_SPEED})
 
+    def heavier(self, factor: Array) -> "TipModes":
+        """Return the modes with masses, and so stiffnesses and all forces on them, larger by factors (mode,)."""
+        root = np.sqrt(factor)
+        coupling = None if self.gyroscopic is None else self.gyroscopic * root[:, None] * root
+        return replace(self, modal_mass=self.modal_mass * factor, gyroscopic=coupling)
+
     def alone(self, label: int) -> "TipModes":
         """Return the one mode of each axis that bears a number."""
         kept = np.flatnonzero(self.label == label)

@@ -197,8 +197,7 @@ def test_gyroscopic_receptance_is_the_direct_solution(reference_machine: Machine
     space = state_space(built.modes)
     states = space.state_matrix.shape[-1]
     by_states = [
-        space.output_matrix[0]
-        @ np.linalg.solve(1j * w * np.eye(states) - space.state_matrix[0], space.input_matrix[0])
+        space.output_matrix[0] @ np.linalg.solve(1j * w * np.eye(states) - space.state_matrix[0], space.input_matrix[0])
         for w in frequency[::19]
     ]
     # The same rational function twice: rounding alone.
