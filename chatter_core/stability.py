@@ -23,6 +23,9 @@ ComplexArray = NDArray[np.complex128]
 #: Points analysed at once, at most; and the memory that they may take together [bytes].
 BATCH = 256
 BATCH_MEMORY = 64e6
+#: What a point takes for each wave and each passage of a tooth in a period, and for each interval [bytes]:
+#: the most that was measured, with velocities among the unknowns.
+WAVE_MEMORY, INTERVAL_MEMORY = 46e3, 24e3
 #: Waves of the fastest mode in a period of the cut beyond which a point is not analysed: a crawling spindle.
 MOST_WAVES = 600.0
 #: The same times the refinement of the resolution.
@@ -78,7 +81,7 @@ def evaluate(
     result = without_result(len(axial_depth), int(built.cut_modes.label.max()))
     stages = stages_of(model)
     candidates, resolved = _candidates(stages, built, speed_index, refinement, result.status)
-    for points in _batches(candidates, resolved, method):
+    for points in _batches(candidates, resolved + len(stages.passages()), method):
         equation = milling_equation(stages, built, speed_index[points], axial_depth[points])
         solution = analyse(equation, method, refinement[points])
         _fill(result, points, built, speed_index[points], solution, stages.teeth(stages.machine.tool).repeat)
@@ -100,7 +103,7 @@ def critical_multipliers(
     result = np.full(len(axial_depth), np.nan, dtype=complex)
     stages = stages_of(model)
     candidates, resolved = _candidates(stages, built, speed_index, refinement, np.zeros(len(result), dtype=np.uint8))
-    for points in _batches(candidates, resolved, method):
+    for points in _batches(candidates, resolved + len(stages.passages()), method):
         equation = milling_equation(stages, built, speed_index[points], axial_depth[points])
         critical = critical_motion(equation, method, refinement[points])
         growth = per_tooth(critical.multiplier, stages.teeth(stages.machine.tool).repeat)
@@ -158,17 +161,16 @@ def _waves(stages: Stages, built: Structure) -> Array:
     return np.asarray(built.cut_modes.natural_frequency.max(axis=1) * period / (2.0 * np.pi))
 
 
-def _batches(candidates: NDArray[np.intp], waves: Array, method: MethodSettings) -> Iterator[NDArray[np.intp]]:
-    """Yield points in batches that fit the memory; ``waves`` ascend.
+def _batches(candidates: NDArray[np.intp], pieces: Array, method: MethodSettings) -> Iterator[NDArray[np.intp]]:
+    """Yield points in batches that fit the memory; ``pieces``, waves and passages of a point, ascend.
 
     The maps of the elements or intervals, the Krylov space and the harmonics take memory in proportion
-    to their number, some 30 kB each.
+    to their number.
     """
     first = 0
     while first < len(candidates):
         last = min(first + BATCH, len(candidates))
-        most = waves[last - 1]
-        memory = 30e3 * (most + 1.0) + 24e3 * (method.intervals or 0)
+        memory = WAVE_MEMORY * pieces[last - 1] + INTERVAL_MEMORY * (method.intervals or 0)
         last = max(first + 1, min(last, first + int(BATCH_MEMORY / memory)))
         yield candidates[first:last]
         first = last

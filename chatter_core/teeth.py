@@ -79,6 +79,8 @@ class Passages:
 
     def by_delay(self) -> tuple["Passages", ...]:
         """Return the passages apart by how long ago the surface was left, the shortest first."""
+        if len(self) == 1:
+            return (self,)
         _, group = np.unique(np.round(self.pitches, DELAY_DIGITS), return_inverse=True)
         return tuple(self.select(np.flatnonzero(group == number)) for number in range(group.max() + 1))
 
