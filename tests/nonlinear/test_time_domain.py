@@ -144,7 +144,7 @@ def test_teeth_that_miss_change_the_decay_as_predicted(runout_um, reference_mach
     # What a revolution changes: teeth that differ repeat no motion sooner.
     logarithm = 0.5 * np.log(energy(built.modes, ends[4:] - ends[:-4]))[60:]
     growth = np.polynomial.polynomial.polyfit(np.arange(len(logarithm)), logarithm, 1)[1]
-    # Steps and slices change the decay by some per cent, and so does the forced vibration, which alters who misses where.
+    # Steps and slices change the decay by some per cent, and so does the forced vibration, which moves the misses.
     assert growth == pytest.approx(uneven, rel=0.1)
     assert uneven < 1.4 * equal
 
