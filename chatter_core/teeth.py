@@ -15,7 +15,7 @@ Tool Des. Res. 23 (1983) 123-140.
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,8 +74,8 @@ class Passages:
 
     def select(self, kept: NDArray[np.intp]) -> "Passages":
         """Return some of the passages."""
-        arrays = {field.name: getattr(self, field.name)[kept] for field in fields(self)[:5]}
-        return Passages(**arrays, repeat=self.repeat, teeth=self.teeth)
+        arrays = {name: getattr(self, name)[kept] for name in ("ahead", "entry", "exit", "pitches", "longer")}
+        return replace(self, **arrays)
 
     def by_delay(self) -> tuple["Passages", ...]:
         """Return the passages apart by how long ago the surface was left, the shortest first."""

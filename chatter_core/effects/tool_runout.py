@@ -15,7 +15,7 @@ from chatter_core.teeth import Teeth
 
 @dataclass(frozen=True, kw_only=True)
 class ToolRunout(Effect):
-    """R_i = R + r cos(phi_i + phase), r half the indicator reading, phi_i the angle of tooth i.
+    """R_i = R + r cos(phi_i + phase), r half the indicator reading, phi_i = 2 pi i/Z, ahead of tooth 0.
 
     A linear equation knows of the radii where chips end: a tooth that is shorter than the one ahead by more than
     the feed misses, at some angles or at all, and the next one then cuts what was left two pitches ago or more. Runout
@@ -51,7 +51,7 @@ class ToolRunout(Effect):
 
         def teeth(tool: Tool) -> Teeth:
             found: Teeth = before(tool)
-            place = 2.0 * math.pi / tool.teeth * np.cumsum(found.pitch) - found.pitch[0] * 2.0 * math.pi / tool.teeth
+            place = 2.0 * math.pi / tool.teeth * np.arange(tool.teeth)
             return replace(found, radius=found.radius + 0.5 * runout * np.cos(place + phase))
 
         return teeth

@@ -87,9 +87,11 @@ def test_teeth_repeat_where_their_pattern_does():
         ("tool_runout", {"runout_um": 250.0, "phase_deg": 0.0}),
     ],
 )
-def test_teeth_that_differ_by_another_method(name: str, values: dict, reference_machine: Machine):
+@pytest.mark.parametrize("damped", [False, True])
+def test_teeth_that_differ_by_another_method(name: str, values: dict, damped: bool, reference_machine: Machine):
     """Semi-discretization of order one, which rounds no delay, converges to the multiplier of collocation."""
-    stages = model(reference_machine, name, **values)
+    ploughing = activate("process_damping", {"coefficient_n_m": 1e5})
+    stages = apply_effects(reference_machine, [activate(name, values), *([ploughing] if damped else [])])
     built = structure(stages, np.array([9000.0]) * RPM, mode_count=1)
     problem = milling_equation(stages, built, np.array([0]), np.array([1.5e-3]))
     exact = np.abs(critical_motion(problem, FINEST, 2.0).multiplier)
