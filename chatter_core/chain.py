@@ -2,9 +2,9 @@
 
 Each step hands a frozen value to the next, and knows only the value before it:
 
-    Machine --bearing_speed, preload, ring_growth--> BearingState --seat_stiffness, joints--> TipModes
+    Machine --bearing_speed, preload, ring_growth--> BearingState --seat_stiffness, joints, gyroscopic_speed--> TipModes
     --tip_modes, cut_modes, linear_system--> LinearSystem
-    Machine --engagement, force_coefficients--> CuttingGain --regeneration--> DelayEquation
+    Machine --engagement, teeth, force_coefficients--> CuttingGain --regeneration--> DelayEquation
 
 The arrows are the functions of ``Stages``. A machine in the place of stages means those of the base model.
 """
@@ -79,8 +79,9 @@ def structure(
         )
     else:
         path, place, states = _bearings(stages, spindle_speed, modal_parameters)
+        spin = stages.gyroscopic_speed(spindle_speed)
         modes = stages.tip_modes(
-            lambda count: _spindle_modes(stages, path, states, count).at(place), spindle_speed, mode_count
+            lambda count: _spindle_modes(stages, path, states, count, place, spin), spindle_speed, mode_count
         )
         bearing, solved = states.at(place), states.solved[place]
     if mode_selection == "only":
@@ -115,8 +116,13 @@ def _bearings(
     return path, place, state_along(machine.bearing, law, path, rotor.preload_type)
 
 
-def _spindle_modes(stages: Stages, path: Array, states: BearingState, mode_count: int) -> tip.TipModes:
-    """Return the spindle's modes on both axes along a path of speeds, each followed from standstill."""
+def _spindle_modes(
+    stages: Stages, path: Array, states: BearingState, mode_count: int, place: NDArray[np.intp], spin: Array
+) -> tip.TipModes:
+    """Return the spindle's modes on both axes at places of a path of speeds, each followed from standstill.
+
+    spin: (place,) [rad/s], at which gyroscopic moments act there.
+    """
     described = stages.machine.spindle
     assert described is not None
     rotor = spindle.reduce_rotor(spindle.assemble(described, joints=stages.joints(described)))
@@ -132,7 +138,12 @@ def _spindle_modes(stages: Stages, path: Array, states: BearingState, mode_count
     columns[0, solved] = modes.natural_frequency[rows, followed]
     columns[1, solved] = 1.0 / modes.tip_deflection[rows, followed] ** 2
     columns[2, solved] = confidence
-    frequency, mass, confident = np.concatenate([columns, columns], axis=-1)  # x and y alike
+    frequency, mass, confident = np.concatenate([columns, columns], axis=-1)[:, place]  # x and y alike
+    coupling = None
+    if spin.any():
+        polar = np.full((len(path), mode_count, mode_count), np.nan)
+        polar[solved] = spindle.modal_gyroscopic(rotor, modes, followed)
+        coupling = tip.between_axes(polar[place] * spin[:, None, None])
     return tip.TipModes(
         axis=np.repeat([0, 1], mode_count),
         label=np.tile(np.arange(1, mode_count + 1), 2),
@@ -140,6 +151,7 @@ def _spindle_modes(stages: Stages, path: Array, states: BearingState, mode_count
         damping_ratio=spindle.damping_ratios(described.damping, frequency),
         modal_mass=mass,
         tracking_confidence=confident,
+        gyroscopic=coupling,
     )
 
 
@@ -159,7 +171,7 @@ def milling_equation(
         spindle_speed=speed,
         tool=machine.tool,
         coefficients=stages.force_coefficients(machine, speed),
-        engagement=stages.engagement(machine.process),
+        passages=stages.passages(),
     )
     used, system_index = np.unique(speed_index, return_inverse=True)
     cut = stages.regeneration(gain)

@@ -11,13 +11,14 @@ characteristics of ball bearing and multi-modes on the stability of milling proc
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chatter_core.jit import compiled
 from chatter_core.machine import Cutting, Process, Tool
+from chatter_core.teeth import Engagement, Passages
 
 Array = NDArray[np.float64]
 
@@ -31,14 +32,6 @@ class ForceCoefficients:
 
     tangential: float | Array
     radial: float | Array
-
-
-@dataclass(frozen=True, kw_only=True)
-class Engagement:
-    """Angles at which a tooth enters and leaves the workpiece [rad], 0 <= entry < exit <= pi."""
-
-    entry: float
-    exit: float
 
 
 def force_coefficients(cutting: Cutting, tool: Tool) -> ForceCoefficients:
@@ -84,18 +77,19 @@ def axial_pitch(tool: Tool) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class CuttingGain:
-    """Force on the tip per tip displacement since the last tooth, F = K(t) [w(t) - w(t - tau)].
+    """Force on the tip per tip displacement since the surface was left, F = K(t) [w(t) - w(t - tau)].
 
     One operating point per entry: axial_depth [m] and spindle_speed [rad/s] are (point,). Called
     with times (point, ...) [s] it answers K (point, ..., 2, 2) [N/m], rows F_x, F_y, columns
-    w_x, w_y. The integral over the helical edge is exact, and periodic with the tooth period.
+    w_x, w_y, of all its passages together. The integral over the helical edge is exact, and
+    periodic with as many tooth periods as there are teeth before the cut repeats itself.
     """
 
     axial_depth: Array
     spindle_speed: Array
     tool: Tool
     coefficients: ForceCoefficients
-    engagement: Engagement
+    passages: Passages
 
     @property
     def lag_angle(self) -> Array:
@@ -104,18 +98,28 @@ class CuttingGain:
 
     @property
     def tooth_period(self) -> Array:
-        """Time between two teeth (point,) [s]."""
+        """Mean time between two teeth (point,) [s]."""
         return 2.0 * math.pi / (self.tool.teeth * self.spindle_speed)
 
-    def breakpoints(self) -> Array:
-        """Return the times in a tooth period where K is not smooth (point, 4) [s].
+    @property
+    def period(self) -> Array:
+        """Time after which the cut repeats itself (point,) [s]: a tooth period where all teeth are alike."""
+        return self.passages.repeat * self.tooth_period
 
-        They are where the tip of an edge enters and leaves, and where its upper end does.
+    def by_delay(self) -> "tuple[tuple[CuttingGain, Array], ...]":
+        """Return the gain in parts, each with the one delay (point,) [s] of its passages."""
+        parts = self.passages.by_delay()
+        return tuple((replace(self, passages=part), float(part.pitches[0]) * self.tooth_period) for part in parts)
+
+    def breakpoints(self) -> Array:
+        """Return the times in a period where K is not smooth (point, 4 x passage) [s].
+
+        They are where the tip of an edge begins and ends a passage, and where its upper end does.
         """
-        lag = self.lag_angle
-        entry, leave = np.full_like(lag, self.engagement.entry), np.full_like(lag, self.engagement.exit)
-        corner = np.stack([entry, leave, entry + lag, leave + lag], axis=-1)
-        return np.asarray(np.mod(corner / self.spindle_speed[:, None], self.tooth_period[:, None]))
+        lag, own = self.lag_angle[:, None], self.passages
+        entry, leave = own.entry - own.ahead + 0.0 * lag, own.exit - own.ahead + 0.0 * lag
+        corner = np.concatenate([entry, leave, entry + lag, leave + lag], axis=-1)
+        return np.asarray(np.mod(corner / self.spindle_speed[:, None], self.period[:, None]))
 
     def __call__(self, time: Array) -> Array:
         """Return K at times (point, ...) [N/m]."""
@@ -125,8 +129,10 @@ class CuttingGain:
             self.spindle_speed,
             self.axial_depth,
             self.lag_angle,
-            2.0 * math.pi / self.tool.teeth,
-            (self.engagement.entry, self.engagement.exit),
+            2.0 * math.pi / self.tool.teeth * self.passages.repeat,
+            self.passages.ahead,
+            self.passages.entry,
+            self.passages.exit,
             np.full(len(time), self.coefficients.tangential),
             np.full(len(time), self.coefficients.radial),
             gain.reshape(len(time), -1, 2, 2),
@@ -136,34 +142,36 @@ class CuttingGain:
 
 @compiled
 def _add_edges(  # type: ignore[no-untyped-def]
-    time, spindle_speed, axial_depth, lag_angle, pitch, engagement, tangential_coefficient, radial_coefficient, gain
-):
-    """Add up the directional matrices of all edges in the cut at times (point, time)."""
-    entry, leave = engagement
-    first = math.floor(entry / pitch)
+    time, spindle_speed, axial_depth, lag_angle, turn, starts, entries, exits, tangential_coefficient,
+    radial_coefficient, gain,
+):  # fmt: skip
+    """Add up the directional matrices of all edges in the cut at times (point, time); the cut repeats every turn."""
     for p in range(len(time)):
         lag, depth = lag_angle[p], axial_depth[p]
         tangential, radial = tangential_coefficient[p], radial_coefficient[p]
         steep = max(lag, SMALLEST_LAG)
-        # An edge is still in the cut after its tip has left.
-        last = math.ceil((leave + lag) / pitch)
-        for t in range(time.shape[1]):
-            phase = (spindle_speed[p] * time[p, t]) % pitch
-            for edge in range(first, last + 1):
-                angle = phase + pitch * edge
-                # The share of the edge, from its tip, at which it leaves and enters: no difference of nearly
-                # equal angles is taken, so a straight edge is the limit and no special case.
-                leaves = min(max((angle - leave) / steep, 0.0), 1.0)
-                enters = min(max((angle - entry) / steep, 0.0), 1.0)
-                if enters <= leaves:
-                    continue
-                engaged, span = 0.5 * depth * (enters - leaves), lag * (enters - leaves)
-                twice = 2.0 * angle - lag * (enters + leaves)
-                ripple = engaged * math.sin(span) / span if span > 0.0 else engaged
-                sine_cosine = ripple * math.sin(twice)
-                sine_sine = engaged - ripple * math.cos(twice)
-                cosine_cosine = engaged + ripple * math.cos(twice)
-                gain[p, t, 0, 0] -= tangential * sine_cosine + radial * sine_sine
-                gain[p, t, 0, 1] -= tangential * cosine_cosine + radial * sine_cosine
-                gain[p, t, 1, 0] += tangential * sine_sine - radial * sine_cosine
-                gain[p, t, 1, 1] += tangential * sine_cosine - radial * cosine_cosine
+        for q in range(len(starts)):
+            ahead, entry, leave = starts[q], entries[q], exits[q]
+            first = math.floor(entry / turn)
+            # An edge is still in the cut after its tip has left.
+            last = math.ceil((leave + lag) / turn)
+            for t in range(time.shape[1]):
+                phase = (spindle_speed[p] * time[p, t] + ahead) % turn
+                for edge in range(first, last + 1):
+                    angle = phase + turn * edge
+                    # The share of the edge, from its tip, at which it leaves and enters: no difference of nearly
+                    # equal angles is taken, so a straight edge is the limit and no special case.
+                    leaves = min(max((angle - leave) / steep, 0.0), 1.0)
+                    enters = min(max((angle - entry) / steep, 0.0), 1.0)
+                    if enters <= leaves:
+                        continue
+                    engaged, span = 0.5 * depth * (enters - leaves), lag * (enters - leaves)
+                    twice = 2.0 * angle - lag * (enters + leaves)
+                    ripple = engaged * math.sin(span) / span if span > 0.0 else engaged
+                    sine_cosine = ripple * math.sin(twice)
+                    sine_sine = engaged - ripple * math.cos(twice)
+                    cosine_cosine = engaged + ripple * math.cos(twice)
+                    gain[p, t, 0, 0] -= tangential * sine_cosine + radial * sine_sine
+                    gain[p, t, 0, 1] -= tangential * cosine_cosine + radial * sine_cosine
+                    gain[p, t, 1, 0] += tangential * sine_sine - radial * sine_cosine
+                    gain[p, t, 1, 1] += tangential * sine_cosine - radial * cosine_cosine

@@ -320,7 +320,7 @@ class Tip(Description):
 
 
 class Tool(Description):
-    """Milling cutter with equally spaced teeth."""
+    """Milling cutter, its teeth equally spaced and long unless an effect says otherwise."""
 
     teeth: int = Field(ge=1, le=100, description="number of teeth Z")
     diameter: float = Field(alias="diameter_mm", ge=0.01, le=2000, description="cutting diameter")

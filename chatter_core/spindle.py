@@ -298,6 +298,20 @@ def supported_modes(rotor: ReducedRotor, seat_stiffness: Array, spindle_speed: A
     )
 
 
+def modal_gyroscopic(rotor: ReducedRotor, modes: RotorModes, kept: NDArray[np.intp]) -> Array:
+    """Return the gyroscopic matrix phi^T G phi of modes with shapes one at the tip (support, mode, mode) [kg].
+
+    kept: (support, mode), which of the modes. Times the spin speed it is the force on a mode in one plane per velocity
+    of another in the other plane. Source: Nelson (1980).
+
+    See docs/physics.md#rotor.
+    """
+    rows = np.arange(len(kept))[:, None]
+    shape = modes.shape[rows[:, None], np.arange(len(rotor.tip))[:, None], kept[:, None, :]]
+    shape = shape / modes.tip_deflection[rows, kept][:, None, :]
+    return np.asarray(shape.swapaxes(1, 2) @ rotor.gyroscopic @ shape)
+
+
 def whirl_frequencies(rotor: ReducedRotor, seat_stiffness: Array, spin_speed: float) -> Array:
     """Return the undamped whirl frequencies of the spinning rotor, ascending by modulus [rad/s].
 

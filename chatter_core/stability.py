@@ -23,7 +23,10 @@ ComplexArray = NDArray[np.complex128]
 #: Points analysed at once, at most; and the memory that they may take together [bytes].
 BATCH = 256
 BATCH_MEMORY = 64e6
-#: Waves of the fastest mode in a tooth period beyond which a point is not analysed: a crawling spindle.
+#: What a point takes for each wave and each passage of a tooth in a period, and for each interval [bytes]:
+#: the most that was measured, with velocities among the unknowns.
+WAVE_MEMORY, INTERVAL_MEMORY = 46e3, 24e3
+#: Waves of the fastest mode in a period of the cut beyond which a point is not analysed: a crawling spindle.
 MOST_WAVES = 600.0
 #: The same times the refinement of the resolution.
 MOST_RESOLVED_WAVES = 1500.0
@@ -35,7 +38,8 @@ REAL_TOLERANCE = 1e-9
 class Stability:
     """Stability of operating points; every array is (point,), but for mode_share (point, mode).
 
-    spectral_radius [-]; multiplier, the critical Floquet multiplier; chatter_frequency [rad/s],
+    spectral_radius [-], per mean tooth period; multiplier, the critical Floquet multiplier, with this modulus
+    and the angle of the equation's own period, a revolution where teeth differ; chatter_frequency [rad/s],
     the strongest line of its branch at the tip; bifurcation, a value of variables.BIFURCATION;
     mode_share, the share of each mode of both axes in the energy of the critical motion; status,
     a value of variables.STATUS. Where the status is not ok, numbers are NaN and codes are 0.
@@ -77,10 +81,10 @@ def evaluate(
     result = without_result(len(axial_depth), int(built.cut_modes.label.max()))
     stages = stages_of(model)
     candidates, resolved = _candidates(stages, built, speed_index, refinement, result.status)
-    for points in _batches(candidates, resolved, method):
+    for points in _batches(candidates, resolved + len(stages.passages()), method):
         equation = milling_equation(stages, built, speed_index[points], axial_depth[points])
         solution = analyse(equation, method, refinement[points])
-        _fill(result, points, built, speed_index[points], solution)
+        _fill(result, points, built, speed_index[points], solution, stages.teeth(stages.machine.tool).repeat)
     return result
 
 
@@ -99,11 +103,22 @@ def critical_multipliers(
     result = np.full(len(axial_depth), np.nan, dtype=complex)
     stages = stages_of(model)
     candidates, resolved = _candidates(stages, built, speed_index, refinement, np.zeros(len(result), dtype=np.uint8))
-    for points in _batches(candidates, resolved, method):
+    for points in _batches(candidates, resolved + len(stages.passages()), method):
         equation = milling_equation(stages, built, speed_index[points], axial_depth[points])
         critical = critical_motion(equation, method, refinement[points])
-        result[points] = np.where(critical.converged, critical.multiplier, np.nan)
+        growth = per_tooth(critical.multiplier, stages.teeth(stages.machine.tool).repeat)
+        result[points] = np.where(critical.converged, growth, np.nan)
     return result
+
+
+def per_tooth(multiplier: ComplexArray, tooth_periods: int) -> ComplexArray:
+    """Return multipliers of so many tooth periods with the modulus that they have in one; their angle stays.
+
+    So growth is comparable whatever the teeth, and the boundary |mu| = 1 is where it was.
+
+    See docs/physics.md#teeth.
+    """
+    return multiplier if tooth_periods == 1 else multiplier * np.abs(multiplier) ** (1.0 / tooth_periods - 1.0)
 
 
 def without_result(points: int, modes: int, status: int = 0) -> Stability:
@@ -128,7 +143,7 @@ def _candidates(
 
     Points of like resolution stand together, for a batch is as fine as its finest point.
     """
-    waves = _waves(stages.machine, built)[speed_index]
+    waves = _waves(stages, built)[speed_index]
     possible = built.solved[speed_index] & (waves <= MOST_WAVES)
     resolved = waves * refinement
     status[~possible] = STATUS["outside_validity"]
@@ -138,37 +153,42 @@ def _candidates(
     return candidates, resolved[candidates]
 
 
-def _waves(machine: Machine, built: Structure) -> Array:
-    """Return the waves of the fastest mode in a tooth period (speed,); NaN where nothing is known."""
+def _waves(stages: Stages, built: Structure) -> Array:
+    """Return the waves of the fastest mode in the period of the cut (speed,); NaN where nothing is known."""
+    tool = stages.machine.tool
     with np.errstate(divide="ignore"):
-        period = 2.0 * np.pi / (machine.tool.teeth * built.spindle_speed)
+        period = stages.teeth(tool).repeat * 2.0 * np.pi / (tool.teeth * built.spindle_speed)
     return np.asarray(built.cut_modes.natural_frequency.max(axis=1) * period / (2.0 * np.pi))
 
 
-def _batches(candidates: NDArray[np.intp], waves: Array, method: MethodSettings) -> Iterator[NDArray[np.intp]]:
-    """Yield points in batches that fit the memory; ``waves`` ascend.
+def _batches(candidates: NDArray[np.intp], pieces: Array, method: MethodSettings) -> Iterator[NDArray[np.intp]]:
+    """Yield points in batches that fit the memory; ``pieces``, waves and passages of a point, ascend.
 
     The maps of the elements or intervals, the Krylov space and the harmonics take memory in proportion
-    to their number, some 30 kB each.
+    to their number.
     """
     first = 0
     while first < len(candidates):
         last = min(first + BATCH, len(candidates))
-        most = waves[last - 1]
-        memory = 30e3 * (most + 1.0) + 24e3 * (method.intervals or 0)
+        memory = WAVE_MEMORY * pieces[last - 1] + INTERVAL_MEMORY * (method.intervals or 0)
         last = max(first + 1, min(last, first + int(BATCH_MEMORY / memory)))
         yield candidates[first:last]
         first = last
 
 
 def _fill(
-    result: Stability, points: NDArray[np.intp], built: Structure, speed: NDArray[np.intp], solution: FloquetSolution
+    result: Stability,
+    points: NDArray[np.intp],
+    built: Structure,
+    speed: NDArray[np.intp],
+    solution: FloquetSolution,
+    tooth_periods: int,
 ) -> None:
-    """Write what a solution says of its points into the result."""
+    """Write what a solution over so many tooth periods says of its points into the result."""
     result.status[points] = np.where(solution.converged, STATUS["ok"], STATUS["not_converged"])
     good = np.flatnonzero(solution.converged)
     points = points[good]
-    multiplier = solution.multiplier[good]
+    multiplier = per_tooth(solution.multiplier[good], tooth_periods)
     result.multiplier[points] = multiplier
     result.spectral_radius[points] = np.abs(multiplier)
     result.bifurcation[points] = _bifurcation(multiplier)

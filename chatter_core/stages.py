@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from chatter_core import cutting, floquet, tip
 from chatter_core.bearing import BearingState
-from chatter_core.cutting import CuttingGain, Engagement, ForceCoefficients
+from chatter_core.cutting import CuttingGain, ForceCoefficients
 from chatter_core.joint import Joint
-from chatter_core.machine import Machine, Process, Spindle
+from chatter_core.machine import Machine, Process, Spindle, Tool
 from chatter_core.parameters import Array, Parameter
+from chatter_core.teeth import Engagement, Passages, Teeth, equal_teeth, passages
 from chatter_core.tip import TipModes
 
 ComplexArray = NDArray[np.complex128]
@@ -77,6 +78,14 @@ def joints(spindle: Spindle) -> tuple[Joint, ...]:
     return ()
 
 
+def gyroscopic_speed(spindle_speed: Array) -> Array:
+    """Return the speed (speed,) [rad/s], from x towards y, at which the rotor's gyroscopic moments act: none.
+
+    See docs/physics.md#rotor.
+    """
+    return np.zeros_like(spindle_speed)
+
+
 def tip_modes(known: KnownModes, spindle_speed: Array, mode_count: int) -> TipModes:
     """Return the modes at the tool tip over speed, as they are known.
 
@@ -99,12 +108,23 @@ def linear_system(modes: TipModes, spindle_speed: Array) -> floquet.LinearSystem
     See docs/physics.md#delay-equation.
     """
     space = tip.state_space(modes)
+    known = space.eigensystem
     return floquet.LinearSystem(
         state_matrix=space.state_matrix,
         input_matrix=space.input_matrix,
         output_matrix=space.output_matrix,
-        known_spectrum=floquet.Spectrum(poles=space.poles, modes=space.eigenvectors, inverse=space.inverse),
+        known_spectrum=None
+        if known is None
+        else floquet.Spectrum(poles=known.poles, modes=known.eigenvectors, inverse=known.inverse),
     )
+
+
+def teeth(tool: Tool) -> Teeth:
+    """Return the teeth of a cutter: all alike.
+
+    See docs/physics.md#teeth.
+    """
+    return equal_teeth(tool.teeth)
 
 
 def force_coefficients(machine: Machine, spindle_speed: Array) -> ForceCoefficients:
@@ -119,14 +139,14 @@ def force_coefficients(machine: Machine, spindle_speed: Array) -> ForceCoefficie
 
 
 def regeneration(gain: CuttingGain) -> Regeneration:
-    """Return the feedback of equal teeth: each cuts what the one before it left, a tooth period ago.
+    """Return the feedback of the cut: each tooth cuts what another left, at equal teeth a tooth period ago.
 
     See docs/physics.md#delay-equation.
     """
     return Regeneration(
-        feedback=(floquet.DelayedFeedback(gain=gain, delay=gain.tooth_period),),
+        feedback=tuple(floquet.DelayedFeedback(gain=part, delay=delay) for part, delay in gain.by_delay()),
         velocity_gain=(),
-        period=gain.tooth_period,
+        period=gain.period,
         breakpoints=gain.breakpoints(),
     )
 
@@ -141,13 +161,20 @@ class Stages:
     ring_growth: Callable[[Spindle, Array], Array] = ring_growth
     seat_stiffness: Callable[[Spindle, BearingState], Array] = seat_stiffness
     joints: Callable[[Spindle], tuple[Joint, ...]] = joints
+    gyroscopic_speed: Callable[[Array], Array] = gyroscopic_speed
     tip_modes: Callable[[KnownModes, Array, int], TipModes] = tip_modes
     receptance: Callable[[TipModes, Array], ComplexArray] = tip.receptance
     cut_modes: Callable[[TipModes, Array], TipModes] = cut_modes
     linear_system: Callable[[TipModes, Array], floquet.LinearSystem] = linear_system
     engagement: Callable[[Process], Engagement] = cutting.engagement
+    teeth: Callable[[Tool], Teeth] = teeth
     force_coefficients: Callable[[Machine, Array], ForceCoefficients] = force_coefficients
     regeneration: Callable[[CuttingGain], Regeneration] = regeneration
+
+    def passages(self) -> Passages:
+        """Return which tooth cuts at which angles."""
+        process = self.machine.process
+        return passages(self.teeth(self.machine.tool), self.engagement(process), process.feed_per_tooth)
 
 
 def stages_of(model: Machine | Stages) -> Stages:

@@ -27,7 +27,8 @@ class TipModes:
     axis: (mode,) 0 for x, 1 for y; label: (mode,) number of the mode on its axis, from 1, which
     it keeps at every speed; natural_frequency [rad/s], damping_ratio [-], modal_mass [kg]:
     (speed, mode); tracking_confidence: (speed, mode), the least modal assurance met on the way
-    from standstill.
+    from standstill; gyroscopic: (speed, mode, mode) [N s/m], the force on a mode per velocity of
+    another, M q'' + (C + gyroscopic) q' + K q = F, None where no mode feels another.
     """
 
     axis: NDArray[np.intp]
@@ -36,6 +37,7 @@ class TipModes:
     damping_ratio: Array
     modal_mass: Array
     tracking_confidence: Array
+    gyroscopic: Array | None = None
 
     @property
     def modal_stiffness(self) -> Array:
@@ -47,7 +49,14 @@ class TipModes:
 
     def at(self, speeds: NDArray[np.intp]) -> "TipModes":
         """Return the modes at some of the speeds."""
-        return replace(self, **{name: getattr(self, name)[speeds] for name in OVER_SPEED})
+        coupling = None if self.gyroscopic is None else self.gyroscopic[speeds]
+        return replace(self, gyroscopic=coupling, **{name: getattr(self, name)[speeds] for name in OVER_SPEED})
+
+    def heavier(self, factor: Array) -> "TipModes":
+        """Return the modes with masses, and so stiffnesses and all forces on them, larger by factors (mode,)."""
+        root = np.sqrt(factor)
+        coupling = None if self.gyroscopic is None else self.gyroscopic * root[:, None] * root
+        return replace(self, modal_mass=self.modal_mass * factor, gyroscopic=coupling)
 
     def alone(self, label: int) -> "TipModes":
         """Return the one mode of each axis that bears a number."""
@@ -56,8 +65,21 @@ class TipModes:
             self,
             axis=self.axis[kept],
             label=self.label[kept],
+            gyroscopic=None if self.gyroscopic is None else self.gyroscopic[:, kept[:, None], kept],
             **{name: getattr(self, name)[:, kept] for name in OVER_SPEED},
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Eigensystem:
+    """A = eigenvectors diag(poles) inverse: poles (speed, state), matrices (speed, state, state).
+
+    Not finite where a mode is damped critically.
+    """
+
+    poles: ComplexArray
+    eigenvectors: ComplexArray
+    inverse: ComplexArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,16 +90,13 @@ class StateSpace:
     size and their norm is the energy's: eigenvalue solvers lose digits otherwise.
 
     state_matrix: (speed, state, state); input_matrix: (speed, state, 2); output_matrix:
-    (speed, 2, state). A = eigenvectors diag(poles) inverse: poles (speed, state), matrices (speed,
-    state, state); not finite where a mode is damped critically.
+    (speed, 2, state); eigensystem: in closed form, None where modes feel each other.
     """
 
     state_matrix: Array
     input_matrix: Array
     output_matrix: Array
-    poles: ComplexArray
-    eigenvectors: ComplexArray
-    inverse: ComplexArray
+    eigensystem: Eigensystem | None
 
 
 def state_space(modes: TipModes) -> StateSpace:
@@ -91,22 +110,23 @@ def state_space(modes: TipModes) -> StateSpace:
     state_matrix[:, position, velocity] = modes.natural_frequency
     state_matrix[:, velocity, position] = -modes.natural_frequency
     state_matrix[:, velocity, velocity] = -2.0 * modes.damping_ratio * modes.natural_frequency
+    if modes.gyroscopic is not None:
+        impedance = modes.modal_mass * modes.natural_frequency
+        felt = modes.gyroscopic * modes.natural_frequency[:, None, :] / impedance[:, :, None]
+        state_matrix[:, velocity[:, None], velocity] -= felt
     input_matrix = np.zeros((speeds, 2 * count, 2))
     input_matrix[:, velocity, modes.axis] = 1.0 / (modes.modal_mass * modes.natural_frequency)
     output_matrix = np.zeros((speeds, 2, 2 * count))
     output_matrix[:, modes.axis, position] = 1.0
-    poles, eigenvectors, inverse = _eigensystem(modes)
     return StateSpace(
         state_matrix=state_matrix,
         input_matrix=input_matrix,
         output_matrix=output_matrix,
-        poles=poles,
-        eigenvectors=eigenvectors,
-        inverse=inverse,
+        eigensystem=_eigensystem(modes) if modes.gyroscopic is None else None,
     )
 
 
-def _eigensystem(modes: TipModes) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+def _eigensystem(modes: TipModes) -> Eigensystem:
     """Return poles, eigenvectors (1, s) of each mode's (q, q'/w_n) and their inverse, for poles w_n s.
 
     s^2 + 2 zeta s + 1 = 0; upper poles first, then the lower ones.
@@ -124,7 +144,7 @@ def _eigensystem(modes: TipModes) -> tuple[ComplexArray, ComplexArray, ComplexAr
         span = 1.0 / (upper - lower)
         inverse[:, first, first], inverse[:, first, second] = -lower * span, span
         inverse[:, second, first], inverse[:, second, second] = upper * span, -span
-    return poles, eigenvectors, inverse
+    return Eigensystem(poles=poles, eigenvectors=eigenvectors, inverse=inverse)
 
 
 def receptance(modes: TipModes, frequency: Array) -> NDArray[np.complex128]:
@@ -135,6 +155,8 @@ def receptance(modes: TipModes, frequency: Array) -> NDArray[np.complex128]:
 
     See docs/physics.md#tool-tip.
     """
+    if modes.gyroscopic is not None:
+        return _coupled_receptance(modes, modes.gyroscopic, frequency)
     natural = modes.natural_frequency[:, None, :]
     excited = frequency[None, :, None]
     term = 1.0 / (
@@ -145,6 +167,32 @@ def receptance(modes: TipModes, frequency: Array) -> NDArray[np.complex128]:
     for axis in range(2):
         result[:, :, axis, axis] = term[:, :, modes.axis == axis].sum(axis=-1)
     return result
+
+
+def _coupled_receptance(modes: TipModes, gyroscopic: Array, frequency: Array) -> ComplexArray:
+    """Return the receptance of modes that feel each other: one matrix to be solved for every line."""
+    count = len(modes)
+    mass, natural = modes.modal_mass, modes.natural_frequency
+    own, mode = np.arange(count), np.zeros((count, 2))
+    mode[own, modes.axis] = 1.0
+    result = np.empty((len(natural), len(frequency), 2, 2), dtype=complex)
+    for line, excited in enumerate(frequency):
+        dynamic = 1j * excited * gyroscopic.astype(complex)
+        alone = natural**2 - excited**2 + 2j * modes.damping_ratio * natural * excited
+        dynamic[:, own, own] += mass * alone
+        result[:, line] = mode.T @ np.linalg.solve(dynamic, np.broadcast_to(mode, (len(natural), count, 2)))
+    return result
+
+
+def between_axes(force: Array) -> Array:
+    """Return a gyroscopic matrix (speed, mode, mode) of both axes from that of one plane (speed, mode, mode) [N s/m].
+
+    x is pushed as y moves and y the other way: + above the diagonal, - below. It takes no energy.
+
+    See docs/physics.md#tool-tip.
+    """
+    nothing = np.zeros_like(force)
+    return np.block([[nothing, force], [-force, nothing]])
 
 
 def most_modes(tip: Tip) -> int:

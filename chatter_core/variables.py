@@ -53,7 +53,9 @@ _STRUCTURE = ("modal_parameters", "preload", "spindle_speed")
 #: What a sweep writes chunk by chunk.
 SWEEP: dict[str, Variable] = {
     "spectral_radius": Variable(
-        dims=_CELL, dtype="f8", doc="largest modulus of the Floquet multipliers; to the tolerance near one"
+        dims=_CELL,
+        dtype="f8",
+        doc="largest modulus of the Floquet multipliers, per tooth period; to the tolerance near one",
     ),
     "multiplier_angle": Variable(dims=_CELL, dtype="f8", doc="argument of the critical Floquet multiplier in radian"),
     "chatter_frequency": Variable(

@@ -56,13 +56,13 @@ examples
 groups and their choices
 {groups}
 
-effects, with the values of configs/effects; one is changed by effects.NAME.KEY=VALUE
+effects, with the values of configs/effects; one is changed by effects.NAME.KEY=VALUE; your own by effects_path=DIR
 {effects}
 
 options of verbs
-  sweep     output=DIR, retry_failed=true, effects=[NAME,...], base=full|static_bearing
+  sweep     output=DIR, retry_failed=true, effects=[NAME,...], effects_path=DIR, base=full|static_bearing
   point     spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static,
-            format=text|json, output=DIR, effects=[NAME,...], base=full|static_bearing
+            format=text|json, output=DIR, effects=[NAME,...], effects_path=DIR, base=full|static_bearing
   compare   campaign=DIR, model=FILE.yaml, output=DIR
             base=full|static_bearing, modes=N, effects=[NAME,...]
   diagnose  as compare

@@ -16,7 +16,7 @@ from omegaconf import OmegaConf
 from pydantic import ValidationError
 
 import configs
-from chatter_core.effects import effect_names
+from chatter_core.effects import effect_names, own_effects
 from chatter_core.errors import InvalidInput
 from chatter_core.reading import load_value, load_yaml, nearest, sentences, shown
 from pipeline.settings import Settings
@@ -26,6 +26,8 @@ CONFIGS = Path(next(iter(configs.__path__)))
 MACHINE_KEYS = ("bearing", "spindle", "tip", "tool", "cutting", "process")
 #: Folder with the configured values of every effect: no group, since effects add up.
 EFFECTS = "effects"
+#: Option that names a folder with effects of the user's own. No yaml can: what it names is run.
+EFFECTS_PATH = "effects_path"
 #: Base models by name, and where they take the bearings' stiffness.
 BASES = {"full": "dynamic", "static_bearing": "static"}
 #: A name or an index in a dotted key.
@@ -119,8 +121,10 @@ def compose_settings(words: Words) -> Settings:
     if words.name_the_preload:
         # It takes the place of a shipped grid's list, which would hide it.
         data["grid"].pop("preload_n", None)
-    named = named_effects(words.options.get(EFFECTS, "[]"))
-    data[EFFECTS] = {name: load_yaml(CONFIGS / EFFECTS / f"{name}.yaml") for name in named}
+    own = Path(words.options[EFFECTS_PATH]).resolve() if EFFECTS_PATH in words.options else None
+    named = named_effects(words.options.get(EFFECTS, "[]"), own)
+    data[EFFECTS] = {name: configured_values(name, own) for name in named}
+    data[EFFECTS_PATH] = own
     data = _with_values(data, words.values)
     off = [name for name in data[EFFECTS] if name not in named]
     if off:
@@ -138,8 +142,14 @@ def compose_settings(words: Words) -> Settings:
     return settings
 
 
-def named_effects(text: str) -> list[str]:
-    """Return the effects that ``effects=[a,b]`` names.
+def configured_values(name: str, own: Path | None = None) -> dict[str, Any]:
+    """Return the configured values of an effect, the program's or one of a user's ``own`` folder."""
+    folder = own if own is not None and name in own_effects(own) else CONFIGS / EFFECTS
+    return load_yaml(folder / f"{name}.yaml")
+
+
+def named_effects(text: str, own: Path | None = None) -> list[str]:
+    """Return the effects that ``effects=[a,b]`` names, of a user's ``own`` folder too.
 
     Raises InvalidInput for what is no list of names, for an unknown one, with the nearest, and for one named twice.
     """
@@ -151,9 +161,9 @@ def named_effects(text: str) -> list[str]:
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise InvalidInput([f"effects: found {shown(text)}, allowed: a list of names, effects=[a,b]"])
     problems = [
-        f"effects: found {name!r}; {nearest(name, list(effect_names()))}"
+        f"effects: found {name!r}; {nearest(name, list(effect_names(own)))}"
         for name in names
-        if name not in effect_names()
+        if name not in effect_names(own)
     ]
     problems += [f"effects: {name} stands twice" for name in sorted(set(names)) if names.count(name) > 1]
     if problems:

@@ -19,7 +19,7 @@ from chatter_core.stages import Stages, stages_of
 from chatter_core.tip import AXES, most_modes
 from chatter_core.units import si_factor
 from chatter_core.variables import BIFURCATION, STATUS
-from pipeline.configuration import EFFECTS, compose_settings, make_folder, modal_parameters_of, sort_words
+from pipeline.configuration import EFFECTS, EFFECTS_PATH, compose_settings, make_folder, modal_parameters_of, sort_words
 
 #: Modes kept on each axis of a spindle unless told otherwise.
 USUAL_MODES = 4
@@ -43,8 +43,8 @@ class PointOptions(BaseModel):
 
 def run(words: list[str]) -> int:
     """Answer one operating point; return the exit code."""
-    sorted_words = sort_words(words, (*PointOptions.model_fields, EFFECTS, "base"))
-    own = {key: value for key, value in sorted_words.options.items() if key not in (EFFECTS, "base")}
+    sorted_words = sort_words(words, (*PointOptions.model_fields, EFFECTS, EFFECTS_PATH, "base"))
+    own = {key: value for key, value in sorted_words.options.items() if key in PointOptions.model_fields}
     if "base" in sorted_words.options:
         own["modal_parameters"] = modal_parameters_of(sorted_words.options["base"])
     try:

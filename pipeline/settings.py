@@ -3,12 +3,13 @@
 import hashlib
 import json
 import re
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from chatter_core.effects import activate, apply_effects
+from chatter_core.effects import activate, apply_effects, own_digest, own_effects
 from chatter_core.errors import InvalidInput
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import LEAST_PRELOAD, MOST_PRELOAD, Machine, no_truth_value
@@ -161,6 +162,8 @@ class Settings(Part):
         default={}, description="effects that are on, each with the values of its parameters and settings"
     )
 
+    effects_path: Path | None = Field(default=None, description="folder with effects of the user's own")
+
     @model_validator(mode="after")
     def _effects_fit_the_machine(self) -> Self:
         try:
@@ -187,7 +190,7 @@ class Settings(Part):
 
     def model(self, machine: Machine) -> Stages:
         """Return the stages of a machine with the effects that are on."""
-        return model_with(machine, self.effects)
+        return model_with(machine, self.effects, self.effects_path)
 
     def scientific(self) -> dict[str, Any]:
         """Return what the numbers of a run depend on, as plain data."""
@@ -198,7 +201,16 @@ class Settings(Part):
             "method": self.method.model_dump(mode="json", exclude_none=True),
             # Without effects nothing is said of them: a study of the base model stays what it was.
             **({"effects": self.effects} if self.effects else {}),
+            # Where a user's folder lies is not science; what its files say is.
+            **({"own_effects": self._digests()} if self._digests() else {}),
         }
+
+    def _digests(self) -> dict[str, str]:
+        """Return a digest of the Python file of every effect that is on and the user's own."""
+        if self.effects_path is None:
+            return {}
+        found = own_effects(self.effects_path)
+        return {name: own_digest(name, self.effects_path) for name in self.effects if name in found}
 
     def fingerprint(self) -> str:
         """Return a digest of the scientific settings."""
@@ -206,12 +218,12 @@ class Settings(Part):
         return hashlib.sha256(canonical.encode()).hexdigest()
 
 
-def model_with(machine: Machine, effects: dict[str, dict[str, Any]]) -> Stages:
-    """Return the stages of a machine with effects; raise InvalidInput with every finding."""
+def model_with(machine: Machine, effects: dict[str, dict[str, Any]], own: Path | None = None) -> Stages:
+    """Return the stages of a machine with effects, of ``own`` folder too; raise InvalidInput with every finding."""
     active, problems = [], []
     for name, values in effects.items():
         try:
-            active.append(activate(name, values))
+            active.append(activate(name, values, own))
         except InvalidInput as error:
             problems += error.problems
     if problems:

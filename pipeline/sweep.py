@@ -25,14 +25,21 @@ from chatter_core.errors import InvalidInput
 from chatter_core.variables import FAILED, STATUS, WITH_RESULT
 from pipeline import report, store
 from pipeline.cluster import WORKER_PATIENCE, open_client, worker_count
-from pipeline.configuration import EFFECTS, compose_settings, make_folder, modal_parameters_of, sort_words
+from pipeline.configuration import (
+    EFFECTS,
+    EFFECTS_PATH,
+    compose_settings,
+    make_folder,
+    modal_parameters_of,
+    sort_words,
+)
 from pipeline.errors import StorageFailed, WorkersLost
 from pipeline.locking import locked, remove_empty
 from pipeline.progress import Journal, Meter
 from pipeline.settings import Settings, differing_keys
 from pipeline.task import KERNEL, Record, Task, compute_chunk, compute_point
 
-OPTIONS = ("output", "retry_failed", EFFECTS, "base")
+OPTIONS = ("output", "retry_failed", EFFECTS, EFFECTS_PATH, "base")
 #: Tasks handed out beyond those being computed, for each worker.
 WINDOW = 3
 #: Attempts at a chunk whose worker died.
@@ -147,7 +154,8 @@ def _compute(settings: Settings, path: Path, journal: Journal, retry_failed: boo
     if not pending:
         return
     _append_history(group, f"{store.now()} {len(pending)} of {len(every)} chunks to compute")
-    tasks = [Task(store=path.resolve(), chunk=chunk, kernel=kernel) for chunk in pending]
+    own = settings.effects_path
+    tasks = [Task(store=path.resolve(), chunk=chunk, kernel=kernel, effects_path=own) for chunk in pending]
     if settings.cluster.kind != "address":
         _compile_once(tasks[0])
     with _signals() as stopping:

@@ -28,11 +28,15 @@ KERNEL = "chatter_core.lobes:lobe_block"
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """One chunk of a store; ``kernel`` names module and function that compute it."""
+    """One chunk of a store; ``kernel`` names module and function that compute it.
+
+    effects_path: folder with effects of the user's own, as the command line named it; a store never does.
+    """
 
     store: Path
     chunk: Chunk
     kernel: str = KERNEL
+    effects_path: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +77,7 @@ def compute_chunk(task: Task) -> Record:
     )
     if machine.spindle is not None:
         machine = machine.with_preload(float(preload))
-    model = model_with(machine, effects)
+    model = model_with(machine, effects, task.effects_path)
     module, function = task.kernel.split(":")
     kernel: Kernel = getattr(import_module(module), function)
     depth = values["axial_depth"] * SUFFIXES["mm"][0]
@@ -106,7 +110,7 @@ def compute_point(task: Task) -> None:
     machine, effects, common, values = _described(task.store)
     if task.kernel == KERNEL:
         lobe_block(
-            model_with(machine, effects),
+            model_with(machine, effects, task.effects_path),
             spindle_speed=values["spindle_speed"][:1] * SUFFIXES["rpm"][0],
             axial_depth=values["axial_depth"][:1] * SUFFIXES["mm"][0],
             mode_count=1,

@@ -10,6 +10,7 @@ import yaml
 from chatter_core.cutting import CuttingGain, ForceCoefficients, engagement
 from chatter_core.floquet import DelayedFeedback, DelayEquation, LinearSystem, MethodSettings
 from chatter_core.machine import Machine, Process, Tool
+from chatter_core.teeth import equal_teeth, passages
 from chatter_core.tip import TipModes, state_space
 
 COLLOCATION = MethodSettings(name="collocation", tolerance=1e-4)
@@ -45,7 +46,11 @@ def milling_benchmark(
         spindle_speed=speed,
         tool=tool,
         coefficients=ForceCoefficients(tangential=600e6, radial=200e6),
-        engagement=engagement(Process(direction=direction, radial_immersion=immersion, feed_per_tooth_mm=0.1)),
+        passages=passages(
+            equal_teeth(2),
+            engagement(Process(direction=direction, radial_immersion=immersion, feed_per_tooth_mm=0.1)),
+            1e-4,
+        ),
     )
     one = np.ones((1, len(axes)))
     modes = TipModes(

@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,14 +31,16 @@ class ActiveEffect:
         return self.effect.apply(stages, np.array(self.values))
 
 
-def activate(name: str, data: Mapping[str, Any]) -> ActiveEffect:
+def activate(name: str, data: Mapping[str, Any], own: Path | None = None) -> ActiveEffect:
     """Return an effect with the parameters and settings that ``data`` says, all of them and no others.
+
+    own: a user's folder in which it may be found.
 
     Raises InvalidInput with every finding, each naming ``effects.NAME.KEY``.
 
     See docs/physics.md#effects.
     """
-    kind = effect_class(name)
+    kind = effect_class(name, own)
     keys = [*(parameter.name for parameter in kind.declared), *(setting.name for setting in kind.settings)]
     problems = [f"effects.{name}.{key}: unknown key; {nearest(str(key), keys)}" for key in data if key not in keys]
     for parameter in kind.declared:
@@ -81,12 +84,14 @@ def apply_effects(model: Machine | Stages, effects: Iterable[ActiveEffect]) -> S
     return stages
 
 
-def variants(name: str) -> tuple[Effect, ...]:
+def variants(name: str, own: Path | None = None) -> tuple[Effect, ...]:
     """Return an effect once for every combination of what its settings allow, for whoever tries them all.
+
+    own: a user's folder in which it may be found.
 
     See docs/physics.md#effects.
     """
-    kind = effect_class(name)
+    kind = effect_class(name, own)
     choices = itertools.product(*(setting.choices for setting in kind.settings))
     names = [setting.name for setting in kind.settings]
     return tuple(kind(**dict(zip(names, chosen, strict=True))) for chosen in choices)

@@ -1,6 +1,6 @@
 """Modes above those that a model kept."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -45,6 +45,6 @@ class HigherModes(Effect):
         def tip_modes(known: KnownModes, spindle_speed: Array, mode_count: int) -> TipModes:
             modes: TipModes = before(known, spindle_speed, max(mode_count, self.modes))
             factor = np.where(modes.label > mode_count, 1.0 / share, 1.0)
-            return replace(modes, modal_mass=modes.modal_mass * factor)
+            return modes.heavier(factor)
 
         return tip_modes

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from chatter_core.cutting import Engagement
 from chatter_core.effects._base import Effect
 from chatter_core.errors import InvalidInput
 from chatter_core.machine import Machine, Process
 from chatter_core.parameters import Parameter
+from chatter_core.teeth import Engagement
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,7 @@ one already passed in this period, or one of the period before. Where a breakpoi
 delay the period is broken too, so that no element looks back across a jump of a gain.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,8 @@ from chatter_core.floquet.equation import Array, DelayEquation
 
 #: A delay may exceed the period by this share: by rounding.
 DELAY_TOLERANCE = 1e-12
+#: Breakpoints nearer to each other than this share of the period are one: by rounding, or too near to be seen.
+BREAK_TOLERANCE = 1e-10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,11 +58,38 @@ def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Element
     period = equation.period[:, None]
     if not np.all((delays > 0.0) & (delays <= (1.0 + DELAY_TOLERANCE) * period)):
         raise UnsupportedEquation("delays must be positive and at most the period")
-    returning = (equation.breakpoints[:, :, None] + delays[:, None, :]).reshape(len(equation), -1)
-    breakpoints = np.sort(np.concatenate([equation.breakpoints, np.mod(returning, period)], axis=1), axis=1)
+    breakpoints = _distinct(
+        np.concatenate([equation.breakpoints, *_returning(equation)], axis=1), BREAK_TOLERANCE * period, period
+    )
     holds = _pieces_with_nodes(equation, breakpoints, delays)
-    layout = collocation.break_up(equation, refinement, breakpoints, holds, delays.min(axis=1, keepdims=True))
+    longest = collocation.LONGEST_ELEMENT * delays.min(axis=1, keepdims=True)
+    layout = collocation.break_up(equation, refinement, breakpoints, holds, longest)
     return layout, _look_back(equation, layout, delays)
+
+
+def _returning(equation: DelayEquation) -> Iterator[Array]:
+    """Yield where breakpoints come back after each delay (point, breakpoint), as far as its gain acts there.
+
+    Elsewhere they need not be broken at, and the first breakpoint stands for them.
+    """
+    period = equation.period[:, None]
+    beside = BREAK_TOLERANCE * period[..., None] * np.array([-2.0, 2.0])
+    for feedback in equation.feedback:
+        returning = np.mod(equation.breakpoints + feedback.delay[:, None], period)
+        acts = np.any(feedback.gain(returning[..., None] + beside) != 0.0, axis=(2, 3, 4))
+        yield np.where(acts, returning, equation.breakpoints[:, :1])
+
+
+def _distinct(breakpoints: Array, tolerance: Array, period: Array) -> Array:
+    """Return breakpoints ascending, each once, the last repeated where a point has fewer than others."""
+    # What lies just before the period's end is the beginning, missed by rounding.
+    ordered = np.sort(np.mod(breakpoints + tolerance, period) - tolerance, axis=1)
+    new = np.diff(ordered, axis=1, prepend=-np.inf) > tolerance
+    rank = np.cumsum(new, axis=1) - 1
+    latest = np.maximum.accumulate(np.where(new, ordered, -np.inf), axis=1)
+    distinct = np.repeat(latest[:, -1:], rank.max() + 1, axis=1)
+    distinct[np.arange(len(rank))[:, None], rank] = latest
+    return distinct
 
 
 def _pieces_with_nodes(equation: DelayEquation, breakpoints: Array, delays: Array) -> NDArray[np.bool_]:

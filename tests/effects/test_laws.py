@@ -14,9 +14,9 @@ from chatter_core.floquet import LinearSystem, MethodSettings, critical_motion
 from chatter_core.joint import Joint
 from chatter_core.lobes import lobe_block
 from chatter_core.machine import Machine
-from chatter_core.spindle import assemble, direct_receptance
+from chatter_core.spindle import assemble, direct_receptance, reduce_rotor, whirl_frequencies
 from chatter_core.stability import critical_multipliers
-from chatter_core.tip import receptance
+from chatter_core.tip import receptance, state_space
 from tests.conftest import COLLOCATION, milling_benchmark
 
 RPM = math.pi / 30.0
@@ -165,6 +165,56 @@ def test_a_workpiece_mode_is_a_further_mode_of_the_tool(reference_machine: Machi
     assert len(structure(stages, speed, mode_count=1).modes) == 2
 
 
+def test_gyroscopic_poles_are_the_rotors_whirl_frequencies(reference_machine: Machine):
+    """Of the spinning rotor solved as one, both planes in r = x + i y: forward and backward whirl, mode by mode."""
+    light = {"mass_coefficient": 0.0, "stiffness_coefficient": 0.0}
+    spindle = reference_machine.spindle
+    spindle = spindle.model_copy(update={"damping": spindle.damping.model_copy(update=light)})
+    machine, speed = reference_machine.model_copy(update={"spindle": spindle}), np.array([24000.0]) * RPM
+    built = structure(model(machine, "gyroscopic_coupling", share=1.0), speed, mode_count=16)
+    poles = np.linalg.eigvals(state_space(built.modes).state_matrix[0]).imag
+    found = np.sort(poles[poles > 0.0])[:8]
+    seats = built.bearing.radial_stiffness[0] * np.array([1.0, 2.0])
+    expected = np.sort(np.abs(whirl_frequencies(reduce_rotor(assemble(spindle)), seats, speed[0])))[:8]
+    # Sixteen modes of each plane stand for all: what the others add is a millionth.
+    assert found == pytest.approx(expected, rel=1e-5)
+    assert expected[1] > 1.0001 * expected[0]
+
+
+@pytest.mark.parametrize("rpm", [8000.0, 24000.0])
+def test_gyroscopic_receptance_is_the_direct_solution(reference_machine: Machine, rpm: float):
+    """All freedoms of both planes at once, spinning from y towards x: direct and cross receptances, with their sign."""
+    speed, frequency = np.array([rpm]) * RPM, 2.0 * math.pi * np.linspace(200.0, 3000.0, 57)
+    stages = model(reference_machine, "gyroscopic_coupling", share=1.0)
+    built = structure(stages, speed, mode_count=20)
+    seats, spindle = built.bearing.radial_stiffness[0] * np.array([1.0, 2.0]), reference_machine.spindle
+    expected = direct_receptance(assemble(spindle), spindle.damping, seats, frequency, -speed[0])
+    found = stages.receptance(built.modes, frequency)[0]
+    # Twenty modes of several hundred: 1e-3 of the static deflection is left out of the direct ones.
+    assert found[:, 0, 0] == pytest.approx(expected[:, 0, 0], abs=3e-3 * np.abs(expected[:, 0, 0]).max())
+    assert found[:, 0, 1] == pytest.approx(expected[:, 0, 1], abs=3e-3 * np.abs(expected[:, 0, 1]).max())
+    assert np.abs(found[:, 0, 1]).max() > 0.01 * np.abs(found[:, 0, 0]).max()
+    space = state_space(built.modes)
+    states = space.state_matrix.shape[-1]
+    by_states = [
+        space.output_matrix[0] @ np.linalg.solve(1j * w * np.eye(states) - space.state_matrix[0], space.input_matrix[0])
+        for w in frequency[::19]
+    ]
+    # The same rational function twice: rounding alone.
+    assert found[::19] == pytest.approx(np.array(by_states), rel=1e-9, abs=1e-17)
+
+
+def test_a_workpiece_feels_no_gyroscopic_moment(reference_machine: Machine):
+    values = {"axis": "y", "compliance_um_n": 0.05, "natural_frequency_hz": 800.0, "damping_ratio": 0.02}
+    both = [activate("gyroscopic_coupling", {"share": 1.0}), activate("workpiece_mode", values)]
+    built = structure(apply_effects(reference_machine, both), SPEEDS[1:], mode_count=2)
+    assert not built.cut_modes.gyroscopic[:, 4].any()
+    assert not built.cut_modes.gyroscopic[:, :, 4].any()
+    assert built.cut_modes.gyroscopic[:, :4, :4] == pytest.approx(built.modes.gyroscopic, rel=1e-15)
+    alone = built.modes.alone(2)
+    assert alone.gyroscopic == pytest.approx(built.modes.gyroscopic[:, 1::2, 1::2], rel=1e-15)
+
+
 @pytest.mark.parametrize("name", ["collocation", "semi_discretization"])
 def test_a_constant_gain_on_velocity_is_a_damper(name: str):
     """With D(t) = -c on the diagonal the equation is that of a tip with c more damping, in closed form."""
@@ -248,6 +298,57 @@ def test_coefficients_fall_with_speed_as_if_the_sheet_said_so(reference_machine:
         other = reference_machine.model_copy(update={"cutting": cutting})
         expected = critical_multipliers(other, built, index[[place]], depth[:1], FINEST, np.ones(1))
         assert abs(found[place]) == pytest.approx(abs(expected[0]), rel=1e-9)
+
+
+@pytest.mark.parametrize("runout", [0.0, 400.0])
+def test_a_power_law_is_the_slope_of_the_force_slice_by_slice(runout: float, reference_machine: Machine):
+    """F = K h_ref (h/h_ref)^x itself, on thin slices of all edges, moved a little to either side in x and in y."""
+    process = reference_machine.process.model_copy(update={"feed_per_tooth": 8e-4})
+    effects = [activate("chip_thickness_power_law", {"exponent": 0.8})]
+    if runout:
+        effects.append(activate("tool_runout", {"runout_um": runout, "phase_deg": 20.0}))
+    stages = apply_effects(reference_machine.model_copy(update={"process": process}), effects)
+    speed, depth, step = np.array([9000.0]) * RPM, 4e-3, 1e-8
+    problem = milling_equation(stages, structure(stages, speed, mode_count=1), np.array([0]), np.array([depth]))
+    who, K, count = stages.passages(), stages.force_coefficients(reference_machine, speed), 4000
+    lag = 2.0 * (np.arange(count) + 0.5) / count * depth * math.tan(math.radians(30.0)) / 0.016
+
+    def force(time: float, x: float, y: float) -> np.ndarray:
+        total = np.zeros(2)
+        for q in range(len(who)):
+            for turn in range(-1, 5):
+                theta = speed[0] * time + who.ahead[q] + 0.5 * math.pi * who.repeat * turn - lag
+                theta = theta[(theta > who.entry[q]) & (theta < who.exit[q])]
+                sine, cosine = np.sin(theta), np.cos(theta)
+                chip = 8e-4 * who.pitches[q] * sine + who.longer[q] + x * sine + y * cosine
+                law = depth / count * 1e-4 * (np.maximum(chip, 0.0) / 1e-4) ** 0.8
+                along, inwards = K.tangential * law, K.radial * law
+                total += [-(along @ cosine) - inwards @ sine, along @ sine - inwards @ cosine]
+        return total
+
+    largest = max(np.abs(term.gain(np.linspace(0.0, problem.period, 200).T)).max() for term in problem.feedback)
+    for share in (0.07, 0.31, 0.55, 0.83):
+        time = share * float(problem.period[0])
+        found = sum(term.gain(np.array([[time]]))[0, 0] for term in problem.feedback)
+        columns = [(force(time, *d) - force(time, -d[0], -d[1])) / (2.0 * step) for d in ((step, 0.0), (0.0, step))]
+        # The edge's radius, a 250th of the feed, takes some per cent of the slope where an edge enters or leaves.
+        assert found == pytest.approx(np.array(columns).T, abs=0.02 * largest)
+
+
+def test_half_the_feed_is_another_coefficient(reference_machine: Machine):
+    """Away from its ends an edge has the coefficient x (h_0/h_ref)^(x - 1) K: half the feed, 2^(1 - x) of it."""
+    gains = []
+    for feed in (4e-4, 2e-4):
+        process = reference_machine.process.model_copy(update={"feed_per_tooth": feed, "direction": "up"})
+        straight = reference_machine.tool.model_copy(update={"helix_angle": 0.0})
+        machine = reference_machine.model_copy(update={"process": process, "tool": straight})
+        stages = model(machine, "chip_thickness_power_law", exponent=0.7)
+        built = structure(stages, np.array([1000.0]) * RPM, mode_count=1)
+        problem = milling_equation(stages, built, np.array([0]), np.array([1e-3]))
+        (term,), inside = problem.feedback, 0.5 * math.acos(1.0 - 2.0 * 0.4) / (1000.0 * RPM)
+        gains.append(term.gain(np.array([[inside]])))
+    # The edge's radius is a hundredth of these chips: its square.
+    assert gains[1] == pytest.approx(2.0**0.3 * gains[0], rel=2e-4)
 
 
 @pytest.mark.parametrize(("direction", "immersion", "error", "seen"), [

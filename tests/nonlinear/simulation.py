@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Cutter:
-    """Tool and process of one simulation, in SI and radians."""
+    """Tool and process of one simulation, in SI and radians; radius: what each tooth is longer by, none if empty."""
 
     teeth: int
     diameter: float
@@ -31,6 +31,7 @@ class Cutter:
     feed_per_tooth: float
     tangential: float
     radial: float
+    radius: tuple[float, ...] = ()
 
 
 class ModalSteps:
@@ -101,11 +102,12 @@ def simulate(
     surface = np.broadcast_to((first_visit / steps - 1.0) * feed, angles.shape).copy()
     state, force = np.zeros((cases, frequency.shape[1], 2)), np.zeros((cases, 2))
     offsets = steps * np.arange(teeth)
+    longer = np.array(cutter.radius or np.zeros(teeth))
 
     def look(at: NDArray[np.intp], tip: Array, passed: float) -> tuple[Array, Array, Array]:
         """Return the force, what stands in the way, and the place of the edges, ``passed`` tooth periods in."""
         s, c = sine[:, :, at], cosine[:, :, at]
-        edge = passed * feed[:, :, at] + tip[:, 0, None, None] * s + tip[:, 1, None, None] * c
+        edge = longer + passed * feed[:, :, at] + tip[:, 0, None, None] * s + tip[:, 1, None, None] * c
         chip = np.where(inside[:, :, at], np.maximum(edge - surface[:, :, at], 0.0), 0.0)
         tangential, radial = cutter.tangential * width * chip, cutter.radial * width * chip
         along = (-tangential * c - radial * s).sum(axis=(1, 2))

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from chatter_core.cutting import CuttingGain, ForceCoefficients, engagement
 from chatter_core.floquet import DelayedFeedback, DelayEquation, LinearSystem, MethodSettings, analyse
 from chatter_core.machine import Process, Tool
+from chatter_core.teeth import Engagement, equal_teeth, passages
 from chatter_core.tip import TipModes, state_space
 from tests.conftest import milling_benchmark
 
@@ -59,7 +60,11 @@ def equation(modes, cut, direction, *, speed=1.0, force=1.0, depth=1.0) -> Delay
         spindle_speed=np.array([cut["rpm"] * 2.0 * math.pi / 60.0 * speed]),
         tool=Tool(teeth=cut["teeth"], diameter_mm=12.0, helix_angle_deg=cut["helix_deg"], rake_angle_deg=5.0),
         coefficients=ForceCoefficients(tangential=800e6 * force, radial=250e6 * force),
-        engagement=engagement(Process(direction=direction, radial_immersion=cut["immersion"], feed_per_tooth_mm=0.05)),
+        passages=passages(
+            equal_teeth(cut["teeth"]),
+            engagement(Process(direction=direction, radial_immersion=cut["immersion"], feed_per_tooth_mm=0.05)),
+            5e-5,
+        ),
     )
     space = state_space(modes)
     return DelayEquation(
@@ -171,7 +176,7 @@ def test_halving_the_pitch_of_a_full_circle_of_teeth_doubles_a_steady_force():
             spindle_speed=np.array([speed]),
             tool=Tool(teeth=teeth, diameter_mm=12.0, helix_angle_deg=0.0, rake_angle_deg=5.0),
             coefficients=ForceCoefficients(tangential=800e6, radial=250e6),
-            engagement=engagement(Process(direction="slot", radial_immersion=1.0, feed_per_tooth_mm=0.05)),
+            passages=passages(equal_teeth(teeth), Engagement(entry=0.0, exit=math.pi), 5e-5),
         )
         return cut(np.linspace(0.0, 0.9, 7)[None, :] * cut.tooth_period[:, None])
 

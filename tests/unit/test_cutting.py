@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from chatter_core.cutting import CuttingGain, ForceCoefficients, engagement, force_coefficients
 from chatter_core.machine import Cutting, Process, Tool
+from chatter_core.teeth import equal_teeth, passages
 
 
 def gain(*, teeth=4, helix=30.0, depth_mm=2.0, direction="down", immersion=0.4, diameter=16.0, rpm=6000.0):
@@ -17,7 +18,11 @@ def gain(*, teeth=4, helix=30.0, depth_mm=2.0, direction="down", immersion=0.4, 
         spindle_speed=np.array([rpm * 2.0 * math.pi / 60.0]),
         tool=Tool(teeth=teeth, diameter_mm=diameter, helix_angle_deg=helix, rake_angle_deg=10.0),
         coefficients=ForceCoefficients(tangential=900e6, radial=300e6),
-        engagement=engagement(Process(direction=direction, radial_immersion=immersion, feed_per_tooth_mm=0.1)),
+        passages=passages(
+            equal_teeth(teeth),
+            engagement(Process(direction=direction, radial_immersion=immersion, feed_per_tooth_mm=0.1)),
+            1e-4,
+        ),
     )
 
 
@@ -29,7 +34,7 @@ def summed_over_slices(cut: CuttingGain, time: float, slices: int = 20000) -> np
     for tooth in range(cut.tool.teeth):
         lag = 2.0 * height * math.tan(cut.tool.helix_angle) / cut.tool.diameter
         angle = np.mod(cut.spindle_speed[0] * time + 2.0 * math.pi * tooth / cut.tool.teeth - lag, 2.0 * math.pi)
-        angle = angle[(angle > cut.engagement.entry) & (angle < cut.engagement.exit)]
+        angle = angle[(angle > cut.passages.entry[0]) & (angle < cut.passages.exit[0])]
         sine, cosine = np.sin(angle), np.cos(angle)
         force_x = -cut.coefficients.tangential * cosine - cut.coefficients.radial * sine
         force_y = cut.coefficients.tangential * sine - cut.coefficients.radial * cosine
@@ -55,7 +60,7 @@ def test_closed_form_along_the_edge_is_the_sum_over_slices(teeth, helix, depth_m
     # One slice at each of the two ends of every engaged arc may fall to the wrong side; a straight
     # edge on the border is in or out as a whole, so it is left out.
     angle = np.mod(cut.spindle_speed[0] * time, 2.0 * math.pi / teeth)
-    corners = np.mod([cut.engagement.entry, cut.engagement.exit], 2.0 * math.pi / teeth)
+    corners = np.mod([cut.passages.entry[0], cut.passages.exit[0]], 2.0 * math.pi / teeth)
     if helix < 1e-3 and np.any(np.abs(angle - corners) < 1e-3):
         return
     slack = 2.0 * teeth * 1.3e9 * depth_mm * 1e-3 / 20000 * (1.0 + depth_mm)
