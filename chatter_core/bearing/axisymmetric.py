@@ -11,7 +11,8 @@ processes", whose equation 2 has lost the ball's mass and whose equation 6 is ga
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -30,6 +31,8 @@ PreloadType = Literal["constant", "rigid"]
 PATH_STEP = 2000.0 * 2.0 * math.pi / 60.0
 #: Halvings of a step before the path ends.
 HALVINGS = 18
+#: Steps from station to station that are remembered.
+STEPS_KEPT = 512
 #: Contact angle that no load reaches [rad]: there the balls would leave their grooves.
 STEEPEST = math.radians(89.9)
 
@@ -156,6 +159,7 @@ class _Path:
     """Continuation in speed of (X_1, X_2, axial displacement) of the ball that stands for all."""
 
     def __init__(self, bearing: Bearing, law: SpeedLaw, preload_type: PreloadType) -> None:
+        self.bearing = bearing
         self.ball, self.unloaded = ball_of(bearing), unloaded_groove_distance(bearing)
         self.law, self.count, self.rigid = law, bearing.ball_count, preload_type == "rigid"
         self.start = self._standstill(float(self.axial_force(np.zeros(1))[0]))
@@ -192,11 +196,28 @@ class _Path:
         """Return the unknowns (station, 3) at multiples of PATH_STEP, as far as the path goes."""
         stations = [self.start]
         while len(stations) * PATH_STEP <= highest:
-            following = self._advance(stations[-1], (len(stations) - 1) * PATH_STEP, len(stations) * PATH_STEP)
+            following = _next_station(self._leaving(len(stations) - 1, stations[-1]))
             if following is None:
                 break
             stations.append(following)
         return np.array(stations)
+
+    def _leaving(self, number: int, unknowns: Array) -> "_Leaving":
+        """Return the step from a station to the next."""
+        felt = np.array([0.0, number, number + 0.5, number + 1.0]) * PATH_STEP
+        law = np.concatenate([self.law.preload(felt), self.law.ball_speed(felt), self.law.ring_growth(felt)])
+        return _Leaving(
+            bearing=self.bearing,
+            rigid=self.rigid,
+            number=number,
+            law=law.tobytes(),
+            unknowns=unknowns.tobytes(),
+            path=self,
+        )
+
+    def next_station(self, number: int, unknowns: Array) -> Array | None:
+        """Return the unknowns (3,) at the station after one; None where the path ends."""
+        return self._advance(unknowns, number * PATH_STEP, (number + 1) * PATH_STEP)
 
     def _standstill(self, axial_force: float) -> Array:
         """Return the state at standstill, where both contacts carry one force in line.
@@ -274,3 +295,21 @@ class _Path:
         touching = (found.inner_contact_force > 0.0) & (found.outer_contact_force > 0.0)
         size = np.where(touching, np.maximum(found.inner_contact_force, found.outer_contact_force), 0.0)
         return np.concatenate([found.residual, last[:, None]], axis=1), jacobian, size
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Leaving:
+    """A step from one station to the next: everything that its end depends on, and the path that can take it."""
+
+    bearing: Bearing
+    rigid: bool
+    number: int
+    law: bytes
+    unknowns: bytes
+    path: _Path = field(compare=False, repr=False)
+
+
+@lru_cache(maxsize=STEPS_KEPT)
+def _next_station(step: _Leaving) -> Array | None:
+    """Return the unknowns at the next station; fits of damping, shaft or sensors ask for the same ones again."""
+    return step.path.next_station(step.number, np.frombuffer(step.unknowns))
