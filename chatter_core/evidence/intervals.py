@@ -13,8 +13,8 @@ from chatter_core.evidence.parameters import Array, Problem, column, position
 END_TOLERANCE = 0.02
 #: An end is known to this when the drop has no such value, in standard deviations of the parameter.
 EDGE_TOLERANCE = 0.03
-#: A refit ends where its next step promises less than this [nats]: the drop is then off by a hundredth.
-REFIT_GAIN = 0.02
+#: A refit ends where its next step promises less than this [nats]: the drop is then off by three hundredths at most.
+REFIT_GAIN = 0.05
 #: Refits that each end may take.
 MOST_REFITS = 10
 
