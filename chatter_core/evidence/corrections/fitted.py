@@ -1,0 +1,184 @@
+"""Corrections fitted to a campaign beside everything else, and what they say: a curve, its band, and a sentence."""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from chatter_core.evidence.assessment import WIDTHS, dominant_modes
+from chatter_core.evidence.calibration import START_GAIN
+from chatter_core.evidence.candidates import Hypothesis, carried
+from chatter_core.evidence.comparison import Comparison
+from chatter_core.evidence.corrections.terms import TRIAL, Correction
+from chatter_core.evidence.corrections.trial_order import OrderedModel
+from chatter_core.evidence.failures import Failure, failures
+from chatter_core.evidence.fit import Fit, free_parameters, height, maximise, result
+from chatter_core.evidence.parameters import Array
+from chatter_core.evidence.power import ENOUGH
+from chatter_core.evidence.prediction import CampaignModel
+from chatter_core.evidence.verdict import failed_checks
+from chatter_core.units import si_factor
+
+#: Places at which a curve is told.
+PLACES = 60
+
+
+@dataclass(frozen=True, kw_only=True)
+class Corrected:
+    """A model with a correction, fitted. left: the checks that still fail."""
+
+    correction: Correction
+    comparison: Comparison
+    fit: Fit
+    left: tuple[Failure, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """What a correction says.
+
+    gain: its log evidence over that of the base model [nats]; places (place,) in the unit of the axis' name; factor of
+    the quantity as described, low and high with COVERAGE at each place, (place,) each; text: a sentence.
+    """
+
+    corrected: Corrected
+    gain: float
+    places: Array
+    factor: Array
+    low: Array
+    high: Array
+    text: str
+
+    @property
+    def wanted(self) -> bool:
+        """Whether the measurements want it: by the evidence with which an effect counts as seen."""
+        return self.gain >= ENOUGH
+
+    @property
+    def mends(self) -> bool:
+        """Whether it is wanted and no check fails with it."""
+        return self.wanted and not self.corrected.left
+
+
+def corrected_model(model: CampaignModel, correction: Correction) -> CampaignModel:
+    """Return a model with a correction that acts after all its terms.
+
+    See docs/physics.md#corrections.
+    """
+    terms = (*model.terms, correction)
+    if correction.axis is not TRIAL:
+        return replace(model, terms=terms)
+    settings = {field.name: getattr(model, field.name) for field in fields(CampaignModel)}
+    return OrderedModel(**settings | {"terms": terms})
+
+
+def fit_correction(base: Hypothesis, correction: Correction) -> Corrected:
+    """Fit a correction together with everything that the base model has, from where its own fit ended.
+
+    See docs/physics.md#corrections.
+    """
+    comparison = replace(base.comparison, model=corrected_model(base.comparison.model, correction))
+    own = carried(comparison, base.fit)
+    free, starts, spent = free_parameters(comparison, (), own), [own], 0
+    if comparison.smooth is not None:
+        first = maximise(comparison.smooth, [own], free, 1, START_GAIN)
+        starts, spent = [own, first.values], first.evaluations
+    found = maximise(comparison, starts, free, 1)
+    fit = result(comparison, found, spent, height(comparison, own))
+    return Corrected(
+        correction=correction, comparison=comparison, fit=fit, left=tuple(checks_failed(comparison, fit, correction))
+    )
+
+
+def checks_failed(comparison: Comparison, fit: Fit, correction: Correction | None = None) -> list[Failure]:
+    """Return the checks that fail with a fit; coordinates of a correction's own curve are no calibration.
+
+    See docs/physics.md#corrections.
+    """
+    compared = comparison.compare(fit.estimate)
+    modes = dominant_modes(comparison.model, compared.prediction).astype(float)
+    own = {parameter.name for parameter in correction.parameters} if correction is not None else set()
+    left = failures(comparison.model.campaign, compared, modes, fit)
+    return failed_checks([one for one in left if one.band.get("parameter") not in own])
+
+
+def told(base: Fit, failed: int, corrected: Corrected) -> Told:
+    """Return what a fitted correction says. base: the fit without it; failed: how many checks fail with that.
+
+    See docs/physics.md#corrections.
+    """
+    correction = corrected.correction
+    x = np.linspace(correction.curve.knots[0], correction.curve.knots[-1], PLACES)
+    slope = total_slope(corrected, x)
+    gain = corrected.fit.log_evidence - base.log_evidence
+    factor, low, high = _band(corrected.fit, slope)
+    unit = si_factor(correction.axis.name)
+    words = [_place(correction, value / unit) for value in x]
+    found = Told(corrected=corrected, gain=gain, places=x / unit, factor=factor, low=low, high=high, text="")
+    return replace(found, text=_sentence(found, slope, words, failed))
+
+
+def total_slope(corrected: Corrected, x: Array) -> Array:
+    """Return the derivatives of ln(factor) at places (place,) by all parameters of the fit (place, parameter).
+
+    The factor is that of the quantity as it was described: that of the nuisance which multiplies it as a whole is
+    in it, for the data tell their product.
+
+    See docs/physics.md#corrections.
+    """
+    correction, names = corrected.correction, [p.name for p in corrected.fit.parameters]
+    slope = np.zeros((len(x), len(names)))
+    slope[:, [names.index(p.name) for p in correction.parameters]] = correction.curve.slope(x)
+    if correction.quantity.held_by in names:
+        slope[:, names.index(correction.quantity.held_by)] = 1.0
+    return slope
+
+
+def _band(fit: Fit, slope: Array) -> tuple[Array, Array, Array]:
+    """Return a factor, low and high (place,) for derivatives of its logarithm (place, parameter)."""
+    deviation = fit.standard_deviation
+    covariance = fit.correlation * deviation[:, None] * deviation
+    half = WIDTHS * np.sqrt(np.einsum("pi,ij,pj->p", slope, covariance, slope))
+    middle = slope @ fit.estimate
+    return np.exp(middle), np.exp(middle - half), np.exp(middle + half)
+
+
+def _place(correction: Correction, value: float) -> str:
+    """Return a place of an axis in words."""
+    if correction.axis is TRIAL:
+        return f"trial {value:.0f}"
+    if correction.axis.name.endswith("_rpm"):
+        return f"{value:.0f} rpm"
+    if correction.axis.name.endswith("_mm"):
+        return f"{value:.3g} mm"
+    return f"{value:.3g}"
+
+
+def _sentence(found: Told, slope: Array, words: list[str], failed: int) -> str:
+    """Return what a correction says in a sentence or two."""
+    correction, left = found.corrected.correction, len(found.corrected.left)
+    if not found.wanted:
+        return (
+            f"The measurements do not ask for another {correction.quantity.words} against {correction.axis.words} "
+            f"({found.gain:+.1f} nats)."
+        )
+
+    def at(place: int) -> str:
+        return f"{found.factor[place]:.2f} ({found.low[place]:.2f} to {found.high[place]:.2f}) at {words[place]}"
+
+    last = len(words) - 1
+    ratio, low, high = (float(one[0]) for one in _band(found.corrected.fit, slope[[last]] - slope[[0]]))
+    how = "rise" if low > 1.0 else "fall" if high < 1.0 else "change"
+    turns = [place for place in (int(found.factor.argmin()), int(found.factor.argmax())) if _turns(found, place)]
+    by_way = "".join(f", by way of {at(place)}," for place in sorted(turns))
+    return (
+        f"The measurements want the {correction.quantity.words} to {how} with {correction.axis.words}: from a factor "
+        f"{at(0)}{by_way} to {at(last)}, the last {ratio:.2f} times the first ({low:.2f} to {high:.2f}); "
+        f"{found.gain:.0f} nats. Of the base model {failed} checks fail, with this {left or 'none'}."
+    )
+
+
+def _turns(found: Told, place: int) -> bool:
+    """Return whether the curve turns at a place: it lies outside the bands of both ends."""
+    inside = 0 < place < len(found.factor) - 1
+    ends = ((found.low[0], found.high[0]), (found.low[-1], found.high[-1]))
+    return inside and all(not low <= found.factor[place] <= high for low, high in ends)
