@@ -25,6 +25,7 @@ from chatter_core.evidence.ranking import NOTHING, Ranked, rank
 from chatter_core.evidence.scores import Score, cut_scores
 from chatter_core.evidence.verdict import Verdict, decide, failed_checks
 from pipeline.campaigns import settings_of
+from pipeline.corrections import Corrections, correct
 from pipeline.jobs import Job, spread, spread_parts
 from pipeline.model_file import Content
 
@@ -47,7 +48,8 @@ class Diagnosis:
     base: the model as it was, calibrated; ranking: nothing missing and single effects; pair: the best pair, None
     where none was tried; powers: of every candidate; left: where a hypothesis still fails, by name; held_out: scores
     on cuts held out, by name; next_trial: what would part the two best; before_and_after: the base model and the best
-    one, for pictures, None where nothing is missing.
+    one, for pictures, None where nothing is missing; corrections: without a formula, where the verdict is
+    ``unexplained``.
     """
 
     content: Content
@@ -60,6 +62,7 @@ class Diagnosis:
     next_trial: NextTrial | None
     verdict: Verdict
     before_and_after: Assessment | None
+    corrections: Corrections | None = None
 
     @property
     def best(self) -> Hypothesis:
@@ -140,6 +143,7 @@ def diagnose(client: Client | None, model: CampaignModel, belief: Belief, conten
         next_trial=next_trial(first, second),
         verdict=verdict,
         before_and_after=None,
+        corrections=correct(client, base) if verdict.kind == "unexplained" else None,
     )
     return found if found.best is base else replace(found, before_and_after=_before_and_after(client, base, found.best))
 

@@ -12,6 +12,7 @@ from chatter_core.evidence.power import ENOUGH
 from chatter_core.evidence.ranking import NOTHING, Ranked
 from chatter_core.evidence.scores import COVERAGE, ERRORS
 from chatter_core.units import si_factor
+from pipeline import corrections
 from pipeline.comparison_document import failure_data, measured
 from pipeline.diagnosis import Diagnosis, outcome_error
 
@@ -38,6 +39,8 @@ def document(found: Diagnosis, campaign: str) -> dict[str, Any]:
         "coverage_of_intervals": COVERAGE,
         "where_it_fails": [failure_data(failure) for failure in found.left[NOTHING]],
         "still_fails": [failure_data(failure) for failure in _still(found)],
+        "corrections": corrections.data(found.corrections),
+        "corrections_text": None if found.corrections is None else found.corrections.text,
         "errors": errors(found),
         "next_trial": next_trial_data(found),
         "power": power_table(found).to_dict(orient="records"),

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from chatter_core.evidence.power import ENOUGH
 from chatter_core.evidence.ranking import NOTHING
-from pipeline import comparison_figures
+from pipeline import comparison_figures, corrections
 from pipeline.diagnosis import Diagnosis
 from pipeline.figures import COLOURS
 
@@ -23,6 +23,9 @@ def write(found: Diagnosis, folder: Path) -> list[Path]:
         path = folder / f"{name}.png"
         draw(found).savefig(path, dpi=150)
         paths.append(path)
+    if found.corrections is not None and found.corrections.found:
+        paths.append(folder / "corrections.png")
+        corrections.figure(found.corrections).savefig(paths[-1], dpi=150)
     if found.before_and_after is not None:
         paths += comparison_figures.write(found.before_and_after, folder)
     return paths

@@ -11,6 +11,8 @@ from pipeline.diagnosis import Diagnosis, outcome_error
 
 CAPTIONS = {
     "ranking": "Probability of each effect and of nothing missing, and the evidence for it.",
+    "corrections": "What the measurements want to change: the factor of a quantity as described, with its band, over "
+    "the range measured (marks). Grey: not wanted.",
     "lobes": "Boundary of stability and measured cuts, by the calibrated base model and with what is missing.",
     "receptances": "Receptance of the tool tip, measured, by the calibrated base model, and with what is missing.",
     "residuals": "What is left of margins and chatter frequencies with what is missing added.",
@@ -66,6 +68,7 @@ def summary(found: Diagnosis) -> str:
     header = ["missing", "probability", "nats", "held-out error"]
     for row in [header, *(row[:4] for row in ranking_rows(found)[:TOLD])]:
         lines.append("".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
+    lines += ["", found.corrections.text] if found.corrections is not None else []
     trial = diagnosis_document.next_trial_data(found)
     lines += ["", trial["text"]] if trial is not None else []
     return "\n".join([*lines, ""])

@@ -1,5 +1,6 @@
 """Corrections fitted to a campaign beside everything else, and what they say: a curve, its band, and a sentence."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -117,6 +118,23 @@ def told(base: Fit, failed: int, corrected: Corrected) -> Told:
     return replace(found, text=_sentence(found, slope, words, failed))
 
 
+def mending(found: Sequence[Told]) -> str:
+    """Return in a sentence or two whether corrections, the most probable first, mend what is left.
+
+    See docs/physics.md#corrections.
+    """
+    if not found:
+        return "Nothing was measured over a range that a correction could be told from."
+    mends = [one for one in found if one.mends]
+    if mends:
+        return mends[0].text
+    wanted = [one for one in found if one.wanted]
+    if wanted:
+        return f"No correction of these mends it by itself. What helps most: {wanted[0].text}"
+    best = f"{found[0].corrected.correction}, gains {found[0].gain:+.1f} nats"
+    return f"No correction of these mends it: the best of {len(found)}, {best}."
+
+
 def total_slope(corrected: Corrected, x: Array) -> Array:
     """Return the derivatives of ln(factor) at places (place,) by all parameters of the fit (place, parameter).
 
@@ -173,8 +191,12 @@ def _sentence(found: Told, slope: Array, words: list[str], failed: int) -> str:
     return (
         f"The measurements want the {correction.quantity.words} to {how} with {correction.axis.words}: from a factor "
         f"{at(0)}{by_way} to {at(last)}, the last {ratio:.2f} times the first ({low:.2f} to {high:.2f}); "
-        f"{found.gain:.0f} nats. Of the base model {failed} checks fail, with this {left or 'none'}."
+        f"{found.gain:.0f} nats. {_checks(failed)} without it, {left or 'none'} with it."
     )
+
+
+def _checks(count: int) -> str:
+    return "No check fails" if not count else "1 check fails" if count == 1 else f"{count} checks fail"
 
 
 def _turns(found: Told, place: int) -> bool:

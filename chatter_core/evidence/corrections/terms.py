@@ -196,7 +196,7 @@ def _corrections(model: CampaignModel) -> Iterator[Correction]:
     if stiff is MODES or _bearings_feel_speed(model):
         pairs.insert(0, (stiff, SPEED))
     for quantity, axis in pairs:
-        places = _places(campaign, quantity, axis)
+        places = measured_places(campaign, quantity, axis)
         if len(np.unique(places)) >= FEWEST_PLACES:
             # The order of trials has one number for all that was measured before them: the first.
             at = float(places.min()) if axis is TRIAL else None
@@ -208,8 +208,11 @@ def _bearings_feel_speed(model: CampaignModel) -> bool:
     return bool(model.stages(model.nulls).bearing_speed(np.ones(1), "dynamic").any())
 
 
-def _places(campaign: Campaign, quantity: Quantity, axis: Axis) -> Array:
-    """Return where on an axis something was measured (any,) that a quantity has a part in."""
+def measured_places(campaign: Campaign, quantity: Quantity, axis: Axis) -> Array:
+    """Return where on an axis something was measured (any,) that a quantity has a part in; in SI.
+
+    See docs/physics.md#corrections.
+    """
     trials, process = campaign.trials, campaign.machine.process
     if axis is SPEED:
         return _speeds(campaign, uncut=quantity is not FORCE)

@@ -1,0 +1,121 @@
+"""Corrections without a formula: fitted where a diagnosis explains nothing, as data and as a figure."""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from distributed import Client
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from chatter_core.evidence.campaign import Campaign
+from chatter_core.evidence.candidates import Hypothesis, refit
+from chatter_core.evidence.corrections import (
+    Told,
+    checks_failed,
+    corrections_of,
+    fit_correction,
+    measured_places,
+    mending,
+    told,
+)
+from chatter_core.units import si_factor, split_key
+from pipeline.figures import COLOURS
+from pipeline.jobs import Job, spread
+
+#: Panels in a row; colour of what the measurements do not ask for.
+COLUMNS, NOT_WANTED = 2, "0.6"
+#: The axis of factors reaches this far to both sides at least.
+LEAST_REACH = 1.25
+
+
+@dataclass(frozen=True, kw_only=True)
+class Corrections:
+    """Every correction that a campaign can tell of, the most probable first, and in words what they mend."""
+
+    campaign: Campaign
+    found: tuple[Told, ...]
+    text: str
+
+
+def correct(client: Client | None, base: Hypothesis) -> Corrections:
+    """Fit every correction to what a base model leaves."""
+    model = base.comparison.model
+    fits = spread(
+        client, [Job(name=str(one), call=partial(fit_correction, base, one)) for one in corrections_of(model)]
+    )
+    # The base model gets the same chance to arrive as what is held against it.
+    for one in sorted(fits, key=lambda one: -float(one.fit.log_evidence))[:1]:
+        base = refit(base, one.fit)
+    failed = len(checks_failed(base.comparison, base.fit))
+    found = sorted((told(base.fit, failed, one) for one in fits), key=lambda one: -one.gain)
+    return Corrections(campaign=model.campaign, found=tuple(found), text=mending(found))
+
+
+def data(corrections: Corrections | None) -> list[dict[str, Any]]:
+    """Return corrections as plain data; none where none were asked for."""
+    return [_data(one) for one in corrections.found] if corrections is not None else []
+
+
+def _data(one: Told) -> dict[str, Any]:
+    correction = one.corrected.correction
+    return {
+        "quantity": correction.quantity.name,
+        "against": correction.axis.name,
+        "unit": _unit(correction.axis.name) or "1",
+        "evidence_nats": float(one.gain),
+        "wanted": one.wanted,
+        "checks_left": len(one.corrected.left),
+        "converged": one.corrected.fit.converged,
+        "places": one.places.tolist(),
+        "factor": one.factor.tolist(),
+        "low": one.low.tolist(),
+        "high": one.high.tolist(),
+        "text": one.text,
+    }
+
+
+def figure(corrections: Corrections) -> Figure:
+    """Draw every correction: the factor with its band over the measured range, against no change."""
+    found = corrections.found
+    rows = -(-len(found) // COLUMNS)
+    drawn = Figure(figsize=(10.0, 0.9 + 2.9 * rows), layout="constrained")
+    drawn.suptitle("What the measurements want to change", fontweight="bold", x=0.01, ha="left")
+    panels = drawn.subplots(rows, COLUMNS, squeeze=False).ravel()
+    for axes, one in zip(panels, found, strict=False):
+        _panel(axes, one, corrections.campaign)
+    for axes in panels[len(found) :]:
+        axes.set_visible(False)
+    return drawn
+
+
+def _panel(axes: Axes, one: Told, campaign: Campaign) -> None:
+    """Draw one correction, grey where it is not wanted."""
+    correction = one.corrected.correction
+    colour = COLOURS[0] if one.wanted else NOT_WANTED
+    axes.fill_between(one.places, one.low, one.high, color=colour, alpha=0.25, linewidth=0.0)
+    axes.plot(one.places, one.factor, color=colour, linewidth=1.8)
+    axes.axhline(1.0, color="black", linewidth=0.8)
+    unit = si_factor(correction.axis.name)
+    measured = np.unique(measured_places(campaign, correction.quantity, correction.axis)) / unit
+    axes.plot(
+        measured, np.zeros(len(measured)), "|", color="black", transform=axes.get_xaxis_transform(), clip_on=False
+    )
+    reach = max(LEAST_REACH, 1.05 * float(one.high.max()), 1.05 / float(one.low.min()))
+    axes.set_yscale("log")
+    axes.set_ylim(1.0 / reach, reach)
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.25, 1.5, 2.0, 3.0, 5.0, 8.0)))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.set_title(correction.quantity.words, loc="left", fontweight="bold" if one.wanted else "normal")
+    axes.set_title(f"{one.gain:+.1f} nats{'' if one.wanted else ', not wanted'}", loc="right", fontsize="small")
+    axes.set_ylabel("factor")
+    label = _unit(correction.axis.name)
+    axes.set_xlabel(correction.axis.words + (f" [{label}]" if label else ""))
+    axes.grid(alpha=0.3)
+
+
+def _unit(axis: str) -> str:
+    return split_key(axis)[1]
