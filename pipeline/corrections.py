@@ -8,7 +8,7 @@ import numpy as np
 from distributed import Client
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.candidates import Hypothesis, refit
@@ -29,6 +29,8 @@ from pipeline.jobs import Job, spread
 COLUMNS, NOT_WANTED = 2, "0.6"
 #: The axis of factors reaches this far to both sides at least.
 LEAST_REACH = 1.25
+#: Intervals along the axis of places, at most.
+MOST_TICKS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +72,7 @@ def _data(one: Told) -> dict[str, Any]:
         "checks_left": len(one.corrected.left),
         "converged": one.corrected.fit.converged,
         "places": one.places.tolist(),
+        "level_without": one.level,
         "factor": one.factor.tolist(),
         "low": one.low.tolist(),
         "high": one.high.tolist(),
@@ -78,7 +81,7 @@ def _data(one: Told) -> dict[str, Any]:
 
 
 def figure(corrections: Corrections) -> Figure:
-    """Draw every correction: the factor with its band over the measured range, against no change."""
+    """Draw every correction: the factor with its band over the measured range, 1, and what calibration alone has."""
     found = corrections.found
     rows = -(-len(found) // COLUMNS)
     drawn = Figure(figsize=(10.0, 0.9 + 2.9 * rows), layout="constrained")
@@ -98,6 +101,7 @@ def _panel(axes: Axes, one: Told, campaign: Campaign) -> None:
     axes.fill_between(one.places, one.low, one.high, color=colour, alpha=0.25, linewidth=0.0)
     axes.plot(one.places, one.factor, color=colour, linewidth=1.8)
     axes.axhline(1.0, color="black", linewidth=0.8)
+    axes.axhline(one.level, color="black", linewidth=0.8, linestyle="--")
     unit = si_factor(correction.axis.name)
     measured = np.unique(measured_places(campaign, correction.quantity, correction.axis)) / unit
     axes.plot(
@@ -112,6 +116,7 @@ def _panel(axes: Axes, one: Told, campaign: Campaign) -> None:
     axes.set_title(correction.quantity.words, loc="left", fontweight="bold" if one.wanted else "normal")
     axes.set_title(f"{one.gain:+.1f} nats{'' if one.wanted else ', not wanted'}", loc="right", fontsize="small")
     axes.set_ylabel("factor")
+    axes.xaxis.set_major_locator(MaxNLocator(MOST_TICKS))
     label = _unit(correction.axis.name)
     axes.set_xlabel(correction.axis.words + (f" [{label}]" if label else ""))
     axes.grid(alpha=0.3)

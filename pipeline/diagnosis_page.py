@@ -12,7 +12,7 @@ from pipeline.diagnosis import Diagnosis, outcome_error
 CAPTIONS = {
     "ranking": "Probability of each effect and of nothing missing, and the evidence for it.",
     "corrections": "What the measurements want to change: the factor of a quantity as described, with its band, over "
-    "the range measured (marks). Grey: not wanted.",
+    "the range measured (marks). Dashed: by calibration alone. Grey: not wanted.",
     "lobes": "Boundary of stability and measured cuts, by the calibrated base model and with what is missing.",
     "receptances": "Receptance of the tool tip, measured, by the calibrated base model, and with what is missing.",
     "residuals": "What is left of margins and chatter frequencies with what is missing added.",

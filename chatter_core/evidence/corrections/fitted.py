@@ -38,7 +38,8 @@ class Told:
     """What a correction says.
 
     gain: its log evidence over that of the base model [nats]; places (place,) in the unit of the axis' name; factor of
-    the quantity as described, low and high with COVERAGE at each place, (place,) each; text: a sentence.
+    the quantity as described, low and high with COVERAGE at each place, (place,) each; level: the factor that the base
+    model's calibration gives the quantity as a whole; text: a sentence.
     """
 
     corrected: Corrected
@@ -47,6 +48,7 @@ class Told:
     factor: Array
     low: Array
     high: Array
+    level: float
     text: str
 
     @property
@@ -114,7 +116,17 @@ def told(base: Fit, failed: int, corrected: Corrected) -> Told:
     factor, low, high = _band(corrected.fit, slope)
     unit = si_factor(correction.axis.name)
     words = [_place(correction, value / unit) for value in x]
-    found = Told(corrected=corrected, gain=gain, places=x / unit, factor=factor, low=low, high=high, text="")
+    levels = dict(zip((p.name for p in base.parameters), np.exp(base.estimate), strict=True))
+    found = Told(
+        corrected=corrected,
+        gain=gain,
+        places=x / unit,
+        factor=factor,
+        low=low,
+        high=high,
+        level=float(levels.get(correction.quantity.held_by, 1.0)),
+        text="",
+    )
     return replace(found, text=_sentence(found, slope, words, failed))
 
 
