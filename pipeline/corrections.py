@@ -49,7 +49,7 @@ def correct(client: Client | None, base: Hypothesis) -> Corrections:
         client, [Job(name=str(one), call=partial(fit_correction, base, one)) for one in corrections_of(model)]
     )
     # The base model gets the same chance to arrive as what is held against it.
-    for one in sorted(fits, key=lambda one: -float(one.fit.log_evidence))[:1]:
+    for one in sorted(fits, key=lambda one: -float(one.log_evidence))[:1]:
         base = refit(base, one.fit)
     failed = len(checks_failed(base.comparison, base.fit))
     found = sorted((told(base.fit, failed, one) for one in fits), key=lambda one: -one.gain)

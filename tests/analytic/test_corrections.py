@@ -5,9 +5,10 @@ import pytest
 
 from chatter_core.effects import variants
 from chatter_core.evidence import CampaignModel, base_model
-from chatter_core.evidence.corrections.curve import AMPLITUDE, LENGTH, MOST_KNOTS, Curve, curve_over, matern
+from chatter_core.evidence.corrections.curve import LENGTH, MOST_KNOTS, Curve, curve_over, matern
 from chatter_core.evidence.corrections.fitted import corrected_model
 from chatter_core.evidence.corrections.terms import (
+    AMPLITUDE,
     DAMPING,
     FEED,
     FORCE,
@@ -30,7 +31,7 @@ ROUNDING = 1e-12
 
 @pytest.mark.parametrize("level", [True, False])
 def test_independent_coordinates_have_the_covariance_that_is_stated(level):
-    curve = curve_over(SPEEDS, level=level)
+    curve = curve_over(SPEEDS, amplitude=AMPLITUDE, level=level)
     knots = np.array(curve.knots)
     apart = np.sqrt(5.0) * np.abs(knots[:, None] - knots) / (LENGTH * (knots[-1] - knots[0]))
     stated = AMPLITUDE**2 * (1.0 + apart + apart**2 / 3.0) * np.exp(-apart)
@@ -43,10 +44,10 @@ def test_independent_coordinates_have_the_covariance_that_is_stated(level):
 
 
 def test_the_spline_follows_the_process_between_its_knots():
-    knots = np.array(curve_over(SPEEDS, level=True).knots)
+    knots = np.array(curve_over(SPEEDS, amplitude=AMPLITUDE, level=True).knots)
     between = np.linspace(knots[0], knots[-1], 200)
-    both = matern(np.concatenate([between, knots]), LENGTH * (knots[-1] - knots[0]))
-    curve = Curve(knots=tuple(knots), level=True)
+    both = matern(np.concatenate([between, knots]), LENGTH * (knots[-1] - knots[0]), AMPLITUDE)
+    curve = Curve(knots=tuple(knots), amplitude=AMPLITUDE, level=True)
     spline = curve.slope(between) @ np.linalg.inv(curve.root)
     apart = np.concatenate([np.eye(200), -spline], axis=1)
     # As the comment on the number of knots says: a tenth of the width.
@@ -54,7 +55,7 @@ def test_the_spline_follows_the_process_between_its_knots():
 
 
 def test_beyond_the_range_a_curve_stays_as_at_its_ends():
-    curve = curve_over(SPEEDS, level=True)
+    curve = curve_over(SPEEDS, amplitude=AMPLITUDE, level=True)
     ends = curve.slope(np.array([SPEEDS[0], SPEEDS[-1]]))
     np.testing.assert_array_equal(curve.slope(np.array([0.0, 2.0 * SPEEDS[-1]])), ends)
 
@@ -116,7 +117,7 @@ def test_damping_that_an_effect_makes_rise_is_a_curve_and_the_nuisance():
 def test_a_force_that_is_larger_as_a_whole_is_that_of_the_nuisance(axis):
     feeds, immersions = np.tile([0.05, 0.1, 0.2], 3) * 1e-3, np.tile([0.3, 0.5, 0.7], 3)
     model = base_model(plan(tip_machine(), feed_per_tooth=feeds, radial_immersion=immersions))
-    curve = curve_over(_range(model, axis), level=True)
+    curve = curve_over(_range(model, axis), amplitude=AMPLITUDE, level=True)
     at = 0.0 if axis is TRIAL else None
     whole = Correction(quantity=FORCE, axis=axis, curve=curve, at=at)
     got = corrected_prediction(model, whole, np.full(len(curve.knots), 0.25))

@@ -12,7 +12,7 @@ from tests.synthetic import RPM, campaign, measured, tip_machine, trials
 
 def test_corrections_are_ranked_written_and_drawn(tmp_path):
     rng = np.random.default_rng(7)
-    speed, depth = np.meshgrid(np.linspace(3000.0, 9000.0, 6) * RPM, np.geomspace(5e-4, 4e-3, 6))
+    speed, depth = np.meshgrid(np.linspace(3000.0, 9000.0, 5) * RPM, np.geomspace(5e-4, 4e-3, 5))
     feed = rng.choice([0.05e-3, 0.1e-3], speed.size)
     planned = campaign(tip_machine(), trials=trials(speed.ravel(), depth.ravel(), feed_per_tooth=feed))
     made = measured(planned, base_model(planned).nulls, rng)

@@ -20,9 +20,6 @@ from scipy.interpolate import CubicSpline
 
 from chatter_core.parameters import Array
 
-#: Width of ln f before the data. The effects that are known change the damping by 0.3 at 10 000 rpm and the force by
-#: 0.15 ln(10), or 0.35, over a decade of speed, at one width of their priors; a factor of 1.5 is as usual here.
-AMPLITUDE = 0.4
 #: Distance over which f may change, as a share of the range: a trend, or one bump. What is shorter than the distance of
 #: neighbouring lobes would follow each lobe by itself and be no property of the machine.
 LENGTH = 1.0 / 3.0
@@ -36,10 +33,12 @@ SMALLEST_SHARE = 1e-9
 class Curve:
     """ln f over x, between the first and the last of its knots (knot,), ascending; beyond them as at the ends.
 
-    level: whether f may differ from 1 as a whole; without, the values at the knots have mean zero.
+    amplitude: s, the width of ln f before the data; level: whether f may differ from 1 as a whole; without, the
+    values at the knots have mean zero.
     """
 
     knots: tuple[float, ...]
+    amplitude: float
     level: bool
 
     @property
@@ -51,7 +50,7 @@ class Curve:
     def root(self) -> Array:
         """L of v = L z (knot, number): the principal directions of the covariance, the widest first."""
         knots = np.array(self.knots)
-        covariance = matern(knots, LENGTH * (knots[-1] - knots[0]))
+        covariance = matern(knots, LENGTH * (knots[-1] - knots[0]), self.amplitude)
         if not self.level:
             centre = np.eye(len(knots)) - 1.0 / len(knots)
             covariance = centre @ covariance @ centre
@@ -69,16 +68,16 @@ class Curve:
         return np.asarray(self.slope(x) @ values)
 
 
-def matern(x: Array, length: float) -> Array:
-    """Return the covariance (place, place) of ln f between places (place,) that is alike over a length.
+def matern(x: Array, length: float, amplitude: float) -> Array:
+    """Return the covariance (place, place) of ln f between places (place,): alike over a length, of a certain width.
 
     See docs/physics.md#corrections.
     """
     r = np.sqrt(5.0) * np.abs(x[:, None] - x) / length
-    return np.asarray(AMPLITUDE**2 * (1.0 + r + r**2 / 3.0) * np.exp(-r))
+    return np.asarray(amplitude**2 * (1.0 + r + r**2 / 3.0) * np.exp(-r))
 
 
-def curve_over(places: Array, *, level: bool) -> Curve:
+def curve_over(places: Array, *, amplitude: float, level: bool) -> Curve:
     """Return a curve over the range of measured places (any,), with evenly spaced knots, as many as differ at most.
 
     places: two of them differ at least.
@@ -87,4 +86,4 @@ def curve_over(places: Array, *, level: bool) -> Curve:
     """
     distinct = np.unique(places)
     knots = np.linspace(distinct[0], distinct[-1], min(len(distinct), MOST_KNOTS))
-    return Curve(knots=tuple(knots.tolist()), level=level)
+    return Curve(knots=tuple(knots.tolist()), amplitude=amplitude, level=level)

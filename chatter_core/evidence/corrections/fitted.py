@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from chatter_core.evidence.assessment import WIDTHS, dominant_modes
 from chatter_core.evidence.calibration import START_GAIN
@@ -13,6 +14,7 @@ from chatter_core.evidence.corrections.terms import TRIAL, Correction
 from chatter_core.evidence.corrections.trial_order import OrderedModel
 from chatter_core.evidence.failures import Failure, failures
 from chatter_core.evidence.fit import Fit, free_parameters, height, maximise, result
+from chatter_core.evidence.newton import Maximum
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.power import ENOUGH
 from chatter_core.evidence.prediction import CampaignModel
@@ -21,15 +23,19 @@ from chatter_core.units import si_factor
 
 #: Places at which a curve is told.
 PLACES = 60
+#: Log evidence over that of the base model [nats] below which a quadratic of the posterior at the start is believed:
+#: it would have to be off by twice what it takes to be wanted.
+HOPELESS = -ENOUGH
 
 
 @dataclass(frozen=True, kw_only=True)
 class Corrected:
-    """A model with a correction, fitted. left: the checks that still fail."""
+    """A model with a correction, fitted. log_evidence of it [nats]; left: the checks that still fail."""
 
     correction: Correction
     comparison: Comparison
     fit: Fit
+    log_evidence: float
     left: tuple[Failure, ...]
 
 
@@ -77,19 +83,38 @@ def corrected_model(model: CampaignModel, correction: Correction) -> CampaignMod
 def fit_correction(base: Hypothesis, correction: Correction) -> Corrected:
     """Fit a correction together with everything that the base model has, from where its own fit ended.
 
+    Where the slope there promises so little that the evidence is HOPELESS, the curve stays zero.
+
     See docs/physics.md#corrections.
     """
     comparison = replace(base.comparison, model=corrected_model(base.comparison.model, correction))
     own = carried(comparison, base.fit)
-    free, starts, spent = free_parameters(comparison, (), own), [own], 0
+    free = free_parameters(comparison, (), own)
+    stayed = maximise(comparison, [own], free, 1, np.inf)
+    fit = result(comparison, stayed, 0, -np.inf)
+    evidence = fit.log_evidence + _promise(stayed, fit)
+    if evidence > base.fit.log_evidence + HOPELESS:
+        fit = _climbed(comparison, own, free)
+        evidence = fit.log_evidence
+    left = tuple(checks_failed(comparison, fit, correction))
+    return Corrected(correction=correction, comparison=comparison, fit=fit, log_evidence=evidence, left=left)
+
+
+def _promise(stayed: Maximum, fit: Fit) -> float:
+    """Return what a step from where a fit stayed promises [nats], bounds staying where they hold."""
+    moving = np.flatnonzero(stayed.free & ~fit.at_bound)
+    gradient, information = stayed.gradient[moving], stayed.information[np.ix_(moving, moving)]
+    return float(0.5 * gradient @ np.linalg.solve(information, gradient))
+
+
+def _climbed(comparison: Comparison, own: Array, free: NDArray[np.bool_]) -> Fit:
+    """Return the fit from a start (parameter,): by what is smooth, then by everything."""
+    starts, spent = [own], 0
     if comparison.smooth is not None:
         first = maximise(comparison.smooth, [own], free, 1, START_GAIN)
         starts, spent = [own, first.values], first.evaluations
     found = maximise(comparison, starts, free, 1)
-    fit = result(comparison, found, spent, height(comparison, own))
-    return Corrected(
-        correction=correction, comparison=comparison, fit=fit, left=tuple(checks_failed(comparison, fit, correction))
-    )
+    return result(comparison, found, spent, height(comparison, own))
 
 
 def checks_failed(comparison: Comparison, fit: Fit, correction: Correction | None = None) -> list[Failure]:
@@ -112,7 +137,7 @@ def told(base: Fit, failed: int, corrected: Corrected) -> Told:
     correction = corrected.correction
     x = np.linspace(correction.curve.knots[0], correction.curve.knots[-1], PLACES)
     slope = total_slope(corrected, x)
-    gain = corrected.fit.log_evidence - base.log_evidence
+    gain = corrected.log_evidence - base.log_evidence
     factor, low, high = _band(corrected.fit, slope)
     unit = si_factor(correction.axis.name)
     words = [_place(correction, value / unit) for value in x]
