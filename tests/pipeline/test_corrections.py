@@ -1,13 +1,19 @@
 """Corrections of a diagnosis as data and as a figure."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 
 from chatter_core.evidence import Comparison, base_model, calibrate
 from chatter_core.evidence.candidates import Hypothesis
+from chatter_core.evidence.verdict import Verdict
+from pipeline import diagnosis
+from pipeline.__main__ import main
 from pipeline.corrections import correct, data, figure
 from tests.synthetic import RPM, campaign, measured, tip_machine, trials
+
+CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
 
 
 def test_corrections_are_ranked_written_and_drawn(tmp_path):
@@ -45,3 +51,25 @@ def test_corrections_are_ranked_written_and_drawn(tmp_path):
 
 def test_where_none_were_asked_for_there_are_none():
     assert data(None) == []
+
+
+def test_a_diagnosis_that_explains_nothing_shows_them(tmp_path, monkeypatch):
+    def unexplained(*_):
+        return Verdict(kind="unexplained", missing=(), text="Something is missing that no candidate explains.")
+
+    monkeypatch.setattr(diagnosis, "decide", unexplained)
+    monkeypatch.setattr(diagnosis, "effect_names", lambda: ["directional_asymmetry"])
+    folder = tmp_path / "few"
+    folder.mkdir()
+    (folder / "machine.yaml").write_text((CAMPAIGNS / "r01" / "machine.yaml").read_text())
+    lines = (CAMPAIGNS / "r01" / "stability.csv").read_text().splitlines()
+    (folder / "stability.csv").write_text("\n".join([lines[0], *lines[1::3]]) + "\n")
+    output = tmp_path / "out"
+    assert main(["diagnose", f"campaign={folder}", f"output={output}", "cluster=serial"]) == 0
+    document = json.loads((output / "diagnosis.json").read_text())
+    assert document["corrections"]
+    assert document["corrections_text"]
+    assert (output / "figures" / "corrections.png").stat().st_size > 5_000
+    page = (output / "report.html").read_text()
+    assert "Corrections without a formula" in page
+    assert "What the measurements want to change: the factor" in page

@@ -16,10 +16,10 @@ from tests.synthetic import RPM, campaign, drawn_truth, measured, receptance, ti
 SPEEDS = np.linspace(3000.0, 12000.0, 14) * RPM
 DEPTHS = np.geomspace(3e-4, 6e-3, 7)
 LINES = np.arange(400.0, 900.0, 4.0) * 2.0 * np.pi
-SEEDS = (200, 201, 202)
+SEEDS = (200, 201)
 #: A curve has some two places that know nothing of each other: level and trend, the rest is mostly as before the data.
-#: Six curves have 12, and the share of 12 that a band of 90 % holds is 90 % with a deviation of 9 %: two of them below.
-LEAST_COVERED = COVERAGE - 2.0 * 0.09
+#: Four curves have 8, and the share of 8 that a band of 90 % holds is 90 % with a deviation of 11 %: two of them below.
+LEAST_COVERED = COVERAGE - 2.0 * 0.11
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class Law:
 
 
 LAWS = {
-    "damping": (DAMPING, lambda speed: 0.7 * (speed / SPEEDS[-1]) ** 2),
+    "damping": (DAMPING, lambda speed: 0.9 * (speed / SPEEDS[-1]) ** 2),
     "force": (FORCE, lambda speed: 0.3 * np.tanh(4.0 * (speed - SPEEDS.mean()) / np.ptp(SPEEDS))),
 }
 
@@ -115,7 +115,7 @@ def test_what_is_strongly_hidden_is_wanted_and_told(recovered):
 
 def test_where_nothing_is_hidden_nothing_is_wanted():
     held = []
-    for seed in SEEDS[:2]:
+    for seed in SEEDS:
         base, known = hiding("nothing", seed)
         for quantity in (DAMPING, FORCE):
             found = against_speed(base, quantity)
