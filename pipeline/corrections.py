@@ -107,9 +107,8 @@ def _panel(axes: Axes, one: Told, campaign: Campaign) -> None:
     axes.plot(
         measured, np.zeros(len(measured)), "|", color="black", transform=axes.get_xaxis_transform(), clip_on=False
     )
-    reach = max(LEAST_REACH, 1.05 * float(one.high.max()), 1.05 / float(one.low.min()))
     axes.set_yscale("log")
-    axes.set_ylim(1.0 / reach, reach)
+    axes.set_ylim(min(1.0 / LEAST_REACH, 0.95 * one.low.min()), max(LEAST_REACH, 1.05 * one.high.max()))
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.25, 1.5, 2.0, 3.0, 5.0, 8.0)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
