@@ -14,12 +14,12 @@ from chatter_core.evidence import Comparison, calibrate
 from chatter_core.evidence.assessment import Assessment, curvature, dominant_modes, version
 from chatter_core.evidence.belief import Belief, fitted
 from chatter_core.evidence.boundary import field, setups
-from chatter_core.evidence.candidates import Candidate, Hypothesis, fit_hypothesis, refit
+from chatter_core.evidence.candidates import Candidate, Hypothesis, fit_hypothesis, refit, slope_of
 from chatter_core.evidence.failures import Failure, failures
 from chatter_core.evidence.held_out import groups, held_out, together
 from chatter_core.evidence.next_trial import NextTrial, next_trial
 from chatter_core.evidence.parameters import Array
-from chatter_core.evidence.power import Power, nuisance_slope, power
+from chatter_core.evidence.power import Power, power
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.evidence.ranking import NOTHING, Ranked, rank
 from chatter_core.evidence.scores import Score, cut_scores
@@ -112,9 +112,9 @@ def diagnose(client: Client | None, model: CampaignModel, belief: Belief, conten
         client, [Job(name="base model", call=partial(calibrate, comparison, start=belief.about(model).estimate))]
     )
     base = Hypothesis(candidates=(), comparison=comparison, fit=fit)
-    candidates = candidates_of(model, content)
+    candidates, slope = candidates_of(model, content), slope_of(base)
     singles = spread(
-        client, [Job(name=str(one), call=partial(fit_hypothesis, comparison, [one], base)) for one in candidates]
+        client, [Job(name=str(one), call=partial(fit_hypothesis, comparison, [one], base, slope)) for one in candidates]
     )
     ranking = rank(base, singles)
     if ranking[0].name != NOTHING:
@@ -187,11 +187,11 @@ def _pair(
     if first.name == NOTHING or not failed_checks(left[first.name]):
         return None
     seconds = [one for one in sorted(ranking, key=lambda one: -one.gain) if one.name not in (NOTHING, first.name)]
-    own = first.best.candidates
+    own, slope = first.best.candidates, slope_of(first.best)
     jobs = [
         Job(
             name=f"{first.name} and {one.name}",
-            call=partial(fit_hypothesis, base.comparison, [*own, *one.best.candidates], first.best),
+            call=partial(fit_hypothesis, base.comparison, [*own, *one.best.candidates], first.best, slope),
         )
         for one in seconds[:SECONDS]
     ]
@@ -200,7 +200,7 @@ def _pair(
 
 
 def _powers(client: Client | None, base: Hypothesis, candidates: Sequence[Candidate]) -> list[Power]:
-    slope = nuisance_slope(base)
+    slope = slope_of(base)
     return spread(client, [Job(name=f"power for {one}", call=partial(power, base, one, slope)) for one in candidates])
 
 
