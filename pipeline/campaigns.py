@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from chatter_core.effects import Effect, effect_class
 from chatter_core.errors import InvalidInput
-from chatter_core.evidence import Campaign, CampaignModel, base_model, read_campaign
+from chatter_core.evidence import Campaign, CampaignModel, Responses, base_model, read_campaign
 from chatter_core.evidence.belief import PRIORS, Belief
 from chatter_core.parameters import Array, Parameter
 from chatter_core.reading import sentences, shown
@@ -146,7 +146,7 @@ def _as_configured(configured: dict[str, dict[str, Any]]) -> Belief:
     )
 
 
-def remarks(campaign: Campaign) -> list[str]:
-    """Return what the reader of a campaign has to tell."""
-    told = [f"remark: {remark}" for remark in campaign.remarks]
-    return told + [f"unknown column, not used: {shown(column)}" for column in campaign.unknown_columns]
+def remarks(measured: Campaign | Responses) -> list[str]:
+    """Return what the reader of a campaign, or of a file of responses, has to tell."""
+    told = [f"remark: {remark}" for remark in measured.remarks]
+    return told + [f"unknown column, not used: {shown(column)}" for column in measured.unknown_columns]

@@ -14,8 +14,6 @@ from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, calibrate
 from chatter_core.evidence.assessment import Assessment, as_described, assess, interval
 from chatter_core.evidence.belief import Belief, fitted
-from chatter_core.evidence.boundary import field, setups
-from chatter_core.evidence.held_out import groups, held_out
 from chatter_core.reading import printable, shown
 from pipeline import comparison_document, comparison_figures, comparison_page, model_file
 from pipeline.campaigns import CampaignOptions, cluster_of, options_of, read
@@ -23,11 +21,10 @@ from pipeline.cluster import open_client
 from pipeline.configuration import EFFECTS, make_folder, sort_words
 from pipeline.jobs import Job, spread_parts
 from pipeline.locking import locked, remove_empty
+from pipeline.pieces import held_out_jobs, lobe_jobs
 
 #: Where the calibrated model is written.
 MODEL = "model.yaml"
-#: Setups of the cuts of which lobes are drawn, those with most cuts.
-DRAWN_SETUPS = 4
 
 
 class CompareOptions(CampaignOptions):
@@ -112,21 +109,13 @@ def compute(client: Client | None, comparison: Comparison, belief: Belief) -> As
     """
     model = comparison.model
     before = belief.about(model)
-    kinds = range(min(len(setups(model)), DRAWN_SETUPS))
     first = spread_parts(
         client,
         {
             "calibrated": [Job(name="calibration", call=partial(calibrate, comparison, start=before.estimate))],
             "described": [Job(name="model as described", call=partial(as_described, comparison, belief))],
-            "held_out": [
-                Job(
-                    name=f"cuts held out, group {group + 1}", call=partial(held_out, comparison, before.estimate, group)
-                )
-                for group in range(groups(model.campaign))
-            ],
-            "lobes": [
-                Job(name="lobes as described", call=partial(field, model, before.sure(), kind)) for kind in kinds
-            ],
+            "held_out": held_out_jobs(comparison, before.estimate),
+            "lobes": lobe_jobs(model, before.sure(), "lobes as described"),
         },
     )
     (fit,), (described,) = first["calibrated"], first["described"]
@@ -136,7 +125,7 @@ def compute(client: Client | None, comparison: Comparison, belief: Belief) -> As
         client,
         {
             "intervals": [Job(name=f"interval of {p}", call=partial(interval, comparison, fit, p)) for p in parameters],
-            "lobes": [Job(name="lobes as calibrated", call=partial(field, model, known, kind)) for kind in kinds],
+            "lobes": lobe_jobs(model, known, "lobes as calibrated"),
         },
     )
     return assess(

@@ -9,7 +9,7 @@ from pipeline import diagnosis_page
 from pipeline.campaigns import CampaignOptions, cluster_of, options_of, read
 from pipeline.cluster import open_client
 from pipeline.configuration import EFFECTS, make_folder, sort_words
-from pipeline.diagnosis import check_enough, diagnose
+from pipeline.diagnosis import check_enough, diagnose, with_pictures
 
 
 class DiagnoseOptions(CampaignOptions):
@@ -31,7 +31,7 @@ def run(words: list[str]) -> int:
         check_enough(model)
         make_folder(output)
         with open_client(cluster) as client:
-            found = diagnose(client, model, belief, content)
+            found = with_pictures(client, diagnose(client, model, belief, content))
         written = diagnosis_page.write(found, name, output)
     print(diagnosis_page.summary(found))
     for path in written:

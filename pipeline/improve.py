@@ -1,6 +1,5 @@
 """Diagnose, add what is missing, calibrate again, and go on until nothing more is supported."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,22 +10,20 @@ from pydantic import Field
 from threadpoolctl import threadpool_limits
 
 from chatter_core.evidence import CampaignModel, Comparison
-from chatter_core.evidence.assessment import as_described
+from chatter_core.evidence.assessment import Version, as_described, version
 from chatter_core.evidence.belief import Belief, fitted
 from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.ranking import NOTHING
-from chatter_core.evidence.scores import ERRORS, Score, cut_scores, structure_scores, told
+from chatter_core.evidence.scores import ERRORS, Score
 from pipeline import diagnosis_document, diagnosis_page, improvement_figure, model_file
 from pipeline.campaigns import CampaignOptions, cluster_of, model_of, options_of, read
 from pipeline.cluster import open_client
 from pipeline.configuration import EFFECTS, make_folder, sort_words
-from pipeline.diagnosis import Diagnosis, check_enough, diagnose, name_of
+from pipeline.diagnosis import Diagnosis, check_enough, diagnose
 from pipeline.model_file import Content
 
 #: Effects are added so many times at most.
 MOST_STEPS = 3
-#: Verdicts after which the best supported effect is added although others are tied with it.
-ADDED_AFTER = ("effect", "ambiguous")
 
 
 class ImproveOptions(CampaignOptions):
@@ -73,44 +70,46 @@ def run(words: list[str]) -> int:
 
 def improve(client: Client | None, model: CampaignModel, belief: Belief, content: Content) -> Improvement:
     """Return a model with what is missing added, step by step."""
-    nominal = as_described(Comparison(model=model), belief)
-    rows = [_row(0, "as described", Hypothesis(candidates=(), comparison=Comparison(model=model), fit=nominal), {})]
+    rows = [_row("as described", _as_described(model, belief), {})]
     diagnoses: list[Diagnosis] = []
+    start = belief
     while True:
-        found = diagnose(client, model, belief, content)
+        found = diagnose(client, model, belief, content, start)
         if not diagnoses:
-            rows.append(_row(1, "calibrated", found.base, found.held_out.get(NOTHING, {})))
+            rows.append(_row("calibrated", found.version(found.base), found.held_out.get(NOTHING, {})))
         diagnoses.append(found)
-        if found.verdict.kind not in ADDED_AFTER or len(diagnoses) > MOST_STEPS:
+        best = found.supported
+        if best is found.base or len(diagnoses) > MOST_STEPS:
             break
-        best = found.best
-        for candidate in best.candidates:
-            content = content.with_effect(candidate.name, candidate.settings)
-        step = len(diagnoses) + 1
-        rows.append(_row(step, " + ".join(content.effects), best, found.held_out.get(name_of(best), {})))
-        model, belief = model_of(model.campaign, content), fitted(best.fit)
-    return Improvement(diagnoses=diagnoses, final=diagnoses[-1].base, content=content, history=pd.DataFrame(rows))
+        content = found.supported_content
+        rows.append(_row(" + ".join(content.effects), found.version(best), found.held_out.get(best.name, {})))
+        model, start = model_of(model.campaign, content), fitted(best.fit)
+    return Improvement(diagnoses=diagnoses, final=diagnoses[-1].base, content=content, history=_history(rows))
 
 
-def _row(step: int, effect: str, hypothesis: Hypothesis, held_out: dict[str, Score]) -> dict[str, Any]:
+def _history(rows: list[dict[str, Any]]) -> pd.DataFrame:
+    return pd.DataFrame(rows).rename_axis("step").reset_index()
+
+
+def _as_described(model: CampaignModel, belief: Belief) -> Version:
+    """Return the model as described, held against the campaign."""
+    comparison = Comparison(model=model)
+    return version("As described", comparison, as_described(comparison, belief), belief.about(model), ())
+
+
+def _row(effect: str, found: Version, held_out: dict[str, Score]) -> dict[str, Any]:
     """Return a row of the history: errors in and out of sample by quantity."""
-    comparison, values = hypothesis.comparison, hypothesis.fit.estimate
-    compared = comparison.compare(values)
-    campaign = comparison.model.campaign
-    said = told(comparison, values, compared.prediction)
-    scores = {**cut_scores(campaign, said), **structure_scores(campaign, compared)}
-    inside = {f"{name}_in_sample": scores[name].value for name in ERRORS if name in scores}
+    inside = {f"{name}_in_sample": found.scores[name].value for name in ERRORS if name in found.scores}
     outside = {f"{name}_held_out": held_out[name].value for name in ERRORS if name in held_out}
-    return {"step": step, "effect": effect, **inside, **outside, "log_evidence": hypothesis.fit.log_evidence}
+    return {"effect": effect, **inside, **outside, "log_evidence": found.fit.log_evidence}
 
 
 def write(found: Improvement, campaign: str, output: Path) -> list[Path]:
     """Write model, history, diagnoses, figures and page; return the paths."""
     first, last = found.diagnoses[0], found.diagnoses[-1]
     written = diagnosis_page.write(first, campaign, output)
-    final = output / "diagnosis_last.json"
     document = diagnosis_document.document(last, campaign)
-    final.write_text(json.dumps(document, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    final = diagnosis_document.write(document, output / "diagnosis_last.json")
     history = output / "history.csv"
     found.history.to_csv(history, index=False, float_format="%.6g")
     picture = output / "figures" / "history.png"
