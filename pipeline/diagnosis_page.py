@@ -17,6 +17,13 @@ CAPTIONS = {
     "power": "What an effect of usual size would have left in these measurements. What ends before the dashed line "
     "could not have been told.",
 }
+#: Everything that there may be to write.
+FILES = (
+    diagnosis_document.DOCUMENT,
+    diagnosis_document.POWER,
+    *(f"{FOLDER}/{name}.png" for name in CAPTIONS),
+    PAGE,
+)
 #: Effects that are told on a terminal.
 TOLD = 5
 

@@ -6,8 +6,6 @@ from typing import Any
 
 import pandas as pd
 from distributed import Client
-from pydantic import Field
-from threadpoolctl import threadpool_limits
 
 from chatter_core.evidence import CampaignModel, Comparison
 from chatter_core.evidence.assessment import Version, as_described, version
@@ -15,21 +13,16 @@ from chatter_core.evidence.belief import Belief, fitted
 from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.ranking import NOTHING
 from chatter_core.evidence.scores import ERRORS, Score
-from pipeline import diagnosis_document, diagnosis_page, improvement_figure, model_file
-from pipeline.campaigns import CampaignOptions, cluster_of, model_of, options_of, read
-from pipeline.cluster import open_client
-from pipeline.configuration import EFFECTS, make_folder, sort_words
+from pipeline import diagnosis_document, diagnosis_page, improvement_figure, judging, model_file
+from pipeline.campaigns import Asked, model_of
 from pipeline.diagnosis import Diagnosis, check_enough, diagnose
+from pipeline.judging import MODEL, Verb
 from pipeline.model_file import Content
 
+#: Files beside those of a diagnosis: of the last one, errors of every version of the model, and their picture.
+LAST, HISTORY, PICTURE = "diagnosis_last.json", "history.csv", f"{diagnosis_page.FOLDER}/history.png"
 #: Effects are added so many times at most.
 MOST_STEPS = 3
-
-
-class ImproveOptions(CampaignOptions):
-    """What ``improve`` takes."""
-
-    output: Path | None = Field(default=None, description="folder for the answer")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,28 +41,12 @@ class Improvement:
 
 def run(words: list[str]) -> int:
     """Improve a model by a campaign and write what was found; return the exit code."""
-    sorted_words = sort_words(words, (*ImproveOptions.model_fields, EFFECTS))
-    options = options_of(sorted_words, ImproveOptions, "improve")
-    assert isinstance(options, ImproveOptions)
-    cluster = cluster_of(sorted_words)
-    name = options.campaign.resolve().name
-    output = options.output or Path("results") / f"improve-{name}"
-    with threadpool_limits(1):
-        model, belief, content = read(options, sorted_words)
-        check_enough(model)
-        make_folder(output)
-        with open_client(cluster) as client:
-            found = improve(client, model, belief, content)
-        written = write(found, name, output)
-    print(diagnosis_page.summary(found.diagnoses[0]))
-    print(found.history.to_string(index=False, float_format=lambda value: f"{value:.3g}", na_rep=""))
-    for path in written:
-        print(f"written: {path}")
-    return 0
+    return judging.run(VERB, words)
 
 
-def improve(client: Client | None, model: CampaignModel, belief: Belief, content: Content) -> Improvement:
+def improve(client: Client | None, asked: Asked) -> Improvement:
     """Return a model with what is missing added, step by step."""
+    model, belief, content = asked.model, asked.belief, asked.content
     rows = [_row("as described", _as_described(model, belief), {})]
     diagnoses: list[Diagnosis] = []
     start = belief
@@ -104,16 +81,35 @@ def _row(effect: str, found: Version, held_out: dict[str, Score]) -> dict[str, A
     return {"effect": effect, **inside, **outside, "log_evidence": found.fit.log_evidence}
 
 
-def write(found: Improvement, campaign: str, output: Path) -> list[Path]:
+def summary(found: Improvement) -> str:
+    """Return the gist as text for a terminal."""
+    table = found.history.to_string(index=False, float_format=lambda value: f"{value:.3g}", na_rep="")
+    return f"{diagnosis_page.summary(found.diagnoses[0])}\n{table}"
+
+
+def _write(found: Improvement, asked: Asked, output: Path) -> list[Path]:
     """Write model, history, diagnoses, figures and page; return the paths."""
     first, last = found.diagnoses[0], found.diagnoses[-1]
-    written = diagnosis_page.write(first, campaign, output)
-    document = diagnosis_document.document(last, campaign)
-    final = diagnosis_document.write(document, output / "diagnosis_last.json")
-    history = output / "history.csv"
+    written = diagnosis_page.write(first, asked.name, output)
+    final = diagnosis_document.write(diagnosis_document.document(last, asked.name), output / LAST)
+    history = output / HISTORY
     found.history.to_csv(history, index=False, float_format="%.6g")
-    picture = output / "figures" / "history.png"
+    picture = output / PICTURE
     improvement_figure.history(found.history).savefig(picture, dpi=150)
-    model = output / "model.yaml"
-    model_file.write(model, found.final.comparison.model.campaign.machine, found.final.fit, found.content)
-    return [*written, final, history, picture, model]
+    model_file.write(output / MODEL, asked.model.campaign.machine, found.final.fit, found.content)
+    return [*written, final, history, picture, output / MODEL]
+
+
+def _lost(found: Improvement) -> int:
+    return found.diagnoses[-1].version(found.final).compared.prediction.failed
+
+
+VERB = Verb(
+    name="improve",
+    files=(*diagnosis_page.FILES, LAST, HISTORY, PICTURE, MODEL),
+    check=check_enough,
+    compute=improve,
+    write=_write,
+    summary=summary,
+    lost=_lost,
+)
