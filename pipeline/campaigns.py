@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -12,15 +12,17 @@ from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Campaign, CampaignModel, Responses, base_model, read_campaign
 from chatter_core.evidence.belief import PRIORS, Belief
 from chatter_core.evidence.campaign import MACHINE_FILE
+from chatter_core.machine import Machine
 from chatter_core.parameters import Array, Parameter
 from chatter_core.reading import printable, sentences, shown
 from chatter_core.stages import Stages
+from chatter_core.tip import most_modes
 from pipeline import model_file
-from pipeline.configuration import EFFECTS, Words, compose_settings
+from pipeline.configuration import EFFECTS, EFFECTS_PATH, Words, compose_settings
 from pipeline.settings import Cluster, Settings
 
 #: Words that every verb of a campaign takes beside its options.
-WORDS = (EFFECTS,)
+WORDS = (EFFECTS, EFFECTS_PATH)
 
 
 class CampaignOptions(BaseModel):
@@ -105,16 +107,15 @@ def read(options: CampaignOptions, words: Words) -> Asked:
     campaign = read_campaign(options.campaign)
     settings = _settings_of(words, options.campaign / MACHINE_FILE)
     if options.model is not None:
-        found = model_file.read(options.model, campaign.machine)
-        content = found.content
+        found = model_file.read(options.model, campaign.machine, settings.effects_path)
+        content = found.content(settings.effects_path)
     else:
-        chosen = {name: _settings_among(name, values) for name, values in settings.effects.items()}
-        content = model_file.Content(base=options.base, modes=options.modes, effects=chosen)
+        content = _content_of(options, settings)
     model = model_of(campaign, content)
     if options.model is not None:
         belief = model_file.belief_of(found, options.model, model)
     else:
-        belief = _as_configured(settings.effects)
+        belief = _as_configured(settings)
     for line in remarks(campaign):
         print(line)
     name = printable(options.campaign.resolve().name)
@@ -131,9 +132,11 @@ def _settings_of(words: Words, machine_file: Path) -> Settings:
 def model_of(campaign: Campaign, content: model_file.Content) -> CampaignModel:
     """Return the model of a campaign that has a base and effects.
 
-    Raises InvalidInput when an effect cannot act on the machine.
+    Raises InvalidInput when base, modes or an effect are not for the machine.
     """
-    effects = [effect_class(name)(**settings) for name, settings in content.effects.items()]
+    _require_parts(campaign.machine, content)
+    own = content.effects_path
+    effects = [effect_class(name, own)(**settings) for name, settings in content.effects.items()]
     effects.sort(key=lambda effect: effect.place())
     for effect in effects:
         effect.require(campaign.machine)
@@ -145,20 +148,38 @@ def model_of(campaign: Campaign, content: model_file.Content) -> CampaignModel:
     return model
 
 
+def _require_parts(machine: Machine, content: model_file.Content) -> None:
+    """Raise InvalidInput where a machine of measured tip modes has not what is asked of it."""
+    if machine.tip is None:
+        return
+    if content.base == "static_bearing":
+        raise InvalidInput(["base: static_bearing holds bearings at rest; this machine has measured tip modes instead"])
+    most = most_modes(machine.tip)
+    if content.modes is not None and content.modes > most:
+        raise InvalidInput([f"modes: found {content.modes}, allowed: 1 to {most}, as many as were measured of an axis"])
+
+
 def settings_of(effect: Effect) -> dict[str, str | int]:
     """Return what was chosen of an effect."""
     return {setting.name: getattr(effect, setting.name) for setting in effect.settings}
 
 
-def _settings_among(name: str, values: dict[str, Any]) -> dict[str, Any]:
-    return {setting.name: values[setting.name] for setting in effect_class(name).settings}
+def _content_of(options: CampaignOptions, settings: Settings) -> model_file.Content:
+    """Return what the model is made of that the command line names."""
+    own = settings.effects_path
+    effects = {
+        name: {setting.name: values[setting.name] for setting in effect_class(name, own).settings}
+        for name, values in settings.effects.items()
+    }
+    return model_file.Content(base=options.base, modes=options.modes, effects=effects, effects_path=own)
 
 
-def _as_configured(configured: dict[str, dict[str, Any]]) -> Belief:
+def _as_configured(settings: Settings) -> Belief:
     """Return the configured sizes of effects, as surely as their priors have it."""
+    configured, own = settings.effects, settings.effects_path
     if not configured:
         return PRIORS
-    pairs = [(name, parameter) for name in configured for parameter in effect_class(name).declared]
+    pairs = [(name, parameter) for name in configured for parameter in effect_class(name, own).declared]
     return Belief(
         names=tuple(f"{name}.{parameter.name}" for name, parameter in pairs),
         estimate=np.array([float(configured[name][parameter.name]) for name, parameter in pairs]),

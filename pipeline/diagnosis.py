@@ -90,18 +90,23 @@ def check_enough(model: CampaignModel) -> None:
     cuts = len(campaign.trials or ()) + len(campaign.limits or ())
     others = (campaign.receptances, campaign.natural_frequencies, campaign.stiffness)
     if cuts < FEWEST_CUTS and not any(others):
-        raise InvalidInput([f"campaign: found {cuts} cuts and nothing else, needed: {FEWEST_CUTS} at least"])
+        raise InvalidInput(
+            [
+                f"campaign: found {cuts} cut{'s' if cuts > 1 else ''} and nothing else that was measured; needed to "
+                f"judge a model by: {FEWEST_CUTS} cuts, or a receptance, natural frequency or bearing stiffness"
+            ]
+        )
 
 
 def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
     """Return every effect that the model lacks and that can act on its machine, in all its variants."""
     found = []
-    for name in effect_names():
+    for name in effect_names(content.effects_path):
         restores = RESTORING.get(name)
         kept = {"base": content.base == "full", "modes": content.modes is None}
         if name in content.effects or (restores is not None and kept[restores]):
             continue
-        for effect in variants(name):
+        for effect in variants(name, content.effects_path):
             try:
                 effect.require(model.campaign.machine)
             except InvalidInput:
@@ -126,10 +131,9 @@ def diagnose(
     belief: what is known of its parameters before the campaign; start: where calibrations with all data start, there
     unless something better is known.
     """
-    comparison = Comparison(model=model)
+    comparison, candidates = Comparison(model=model), candidates_of(model, content)
     known = (start or belief).about(model).estimate
     (fit,) = spread(client, [Job(name="base model", call=partial(calibrate, comparison, start=known))])
-    candidates = candidates_of(model, content)
     base, ranking = _ranking(client, Hypothesis(candidates=(), comparison=comparison, fit=fit), candidates)
     judged = {name: _judged(one) for name, one in {NOTHING: base, ranking[0].name: ranking[0].best}.items()}
     pair = _pair(client, base, ranking, judged)

@@ -71,7 +71,7 @@ def run(verb: Verb[Found], words: list[str]) -> int:
         asked = read(options, sorted_words)
         verb.check(asked.model)
         output = options.output or Path("results") / f"{verb.name}-{asked.name}"
-        _refuse_loss(verb.files, output, options, asked.name)
+        _refuse_loss(verb.files, output, options, asked)
         with _held(output):
             with open_client(asked.cluster) as client:
                 found = verb.compute(client, asked)
@@ -85,15 +85,17 @@ def run(verb: Verb[Found], words: list[str]) -> int:
     return 1 if lost else 0
 
 
-def _refuse_loss(files: tuple[str, ...], output: Path, options: JudgingOptions, name: str) -> None:
+def _refuse_loss(files: tuple[str, ...], output: Path, options: JudgingOptions, asked: Asked) -> None:
     """Raise InvalidInput where the answer would take the place of what is read, or of another campaign's answer."""
     if output.resolve() == options.campaign.resolve():
         raise InvalidInput([f"output: {output} is the folder of the campaign itself; name another"])
+    if asked.content.effects_path == output.resolve():
+        raise InvalidInput([f"output: {output} is the folder of the effects; name another"])
     if options.model is not None and options.model.resolve() in [(output / file).resolve() for file in files]:
         raise InvalidInput([f"output: {output} holds the model that is read; name another folder"])
     for document in DOCUMENTS:
         before = _campaign_of(output / document)
-        if before not in (None, name):
+        if before not in (None, asked.name):
             raise InvalidInput([f"output: {output} holds the answer for campaign {shown(before)}; name another folder"])
 
 
