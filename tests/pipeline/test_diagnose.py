@@ -70,14 +70,42 @@ def test_bad_input_is_told(tmp_path, capsys, improved):
     assert "base: found 'half'" in refused(capsys, "diagnose", campaign, "base=half")
     assert "modes: found '0'" in refused(capsys, "diagnose", campaign, "modes=0")
     assert "did you mean process_damping" in refused(capsys, "diagnose", campaign, "effects=[process_damp]")
-    said = refused(capsys, "diagnose", campaign, "effects=[thermal_preload]")
-    assert "measured tip modes" in said
     model = f"model={improved / 'model.yaml'}"
     assert "modes: not beside model" in refused(capsys, "diagnose", campaign, model, "modes=2")
+
+
+@pytest.mark.parametrize("verb", ["compare", "diagnose", "improve", "predict"])
+@pytest.mark.parametrize(
+    ("word", "told"),
+    [
+        ("base=static_bearing", "base: static_bearing holds bearings at rest; this machine has measured tip modes"),
+        ("modes=2", "modes: found 2, allowed: 1 to 1, as many as were measured of an axis"),
+        (
+            "effects=[thermal_preload]",
+            "effects.thermal_preload: acts on spindle and bearing; this machine has measured tip modes",
+        ),
+    ],
+)
+def test_what_is_not_for_a_machine_of_tip_modes_is_told_in_a_sentence(tmp_path, capsys, verb, word, told):
+    trials = tmp_path / "trials.csv"
+    trials.write_text("trial,spindle_speed_rpm,axial_depth_mm\n1,3200,2.0\n")
+    own = [f"trials={trials}", f"predictions={tmp_path / 'out.csv'}"]
+    words = own if verb == "predict" else [f"output={tmp_path / 'out'}"]
+    said = refused(capsys, verb, f"campaign={CAMPAIGNS / 'r01'}", word, *words)
+    assert said.startswith(f"error: {told}")
+    assert said.count("\n") == 1
+    assert list(tmp_path.iterdir()) == [trials]
+
+
+@pytest.mark.parametrize("verb", ["diagnose", "improve"])
+def test_too_few_cuts_to_judge_by_are_counted(tmp_path, capsys, verb):
     few = tmp_path / "few"
     few.mkdir()
     (few / "machine.yaml").write_text((CAMPAIGNS / "r01" / "machine.yaml").read_text())
     (few / "stability.csv").write_text(
         "trial,spindle_speed_rpm,axial_depth_mm,outcome\n1,3200,1.0,chatter\n2,2900,0.5,stable\n"
     )
-    assert "found 2 cuts and nothing else" in refused(capsys, "diagnose", f"campaign={few}")
+    said = refused(capsys, verb, f"campaign={few}", f"output={tmp_path / 'out'}")
+    assert said.startswith("error: campaign: found 2 cuts and nothing else that was measured; needed to judge a model")
+    assert "8 cuts, or a receptance, natural frequency or bearing stiffness" in said
+    assert said.count("\n") == 1
