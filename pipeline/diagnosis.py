@@ -199,7 +199,7 @@ def with_pictures(client: Client | None, found: Diagnosis) -> Diagnosis:
 
 def _judged(hypothesis: Hypothesis) -> Version:
     """Return a hypothesis held against the campaign; lobes are for those that are drawn."""
-    title = f"With {hypothesis.name}" if hypothesis.name else "Calibrated base model"
+    title = f"With {hypothesis.name.replace('_', ' ')}" if hypothesis.name else "Calibrated base model"
     return version(title, hypothesis.comparison, hypothesis.fit, fitted(hypothesis.fit), ())
 
 

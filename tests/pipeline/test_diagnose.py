@@ -4,9 +4,12 @@ import csv
 import json
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 import yaml
 
+from pipeline import improvement_figure, improvement_page
 from pipeline.__main__ import main
 
 CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
@@ -38,7 +41,7 @@ def test_a_diagnosis_has_one_of_five_answers_and_its_reasons(improved):
     for name in ("ranking", "power", "history"):
         assert (improved / "figures" / f"{name}.png").stat().st_size > 5_000
     page = (improved / "report.html").read_text()
-    assert "What is missing: r01" in page
+    assert "What was missing: r01" in page
 
 
 def test_a_history_begins_as_described_and_its_model_predicts(improved, tmp_path):
@@ -56,6 +59,44 @@ def test_a_history_begins_as_described_and_its_model_predicts(improved, tmp_path
     assert main(["predict", *words, f"predictions={tmp_path / 'out.csv'}"]) == 0
     with (tmp_path / "out.csv").open() as file:
         assert [row["predicted_outcome"] for row in csv.DictReader(file)] == ["chatter", "stable"]
+
+
+def test_the_page_of_an_improvement_tells_how_the_error_fell_step_by_step(improved):
+    page = (improved / "report.html").read_text()
+    for head in ("The falling error", "Step by step", "The first diagnosis", "Calibration of the final model"):
+        assert f"<h2>{head}</h2>" in page
+    assert "1. Base model: " in page
+    assert page.count("data:image/png;base64,") == len(list((improved / "figures").glob("*.png")))
+    with (improved / "history.csv").open() as file:
+        described, calibrated = list(csv.DictReader(file))[:2]
+    # As described no cut was seen: all of them are held out.
+    assert described["outcome_held_out"] == described["outcome_in_sample"]
+    for row in (described, calibrated):
+        inside, outside = (100.0 * float(row[f"outcome_{kind}"]) for kind in ("in_sample", "held_out"))
+        assert f"<td>{inside:.1f} % ({outside:.1f} %)</td>" in page
+
+
+def test_errors_of_an_improvement_stand_with_their_units_and_what_is_not_known_is_left_out():
+    table = pd.DataFrame(
+        {
+            "step": [0, 1],
+            "effect": ["as described", "tool_runout + process_damping"],
+            "outcome_in_sample": [0.255, 0.08],
+            "chatter_frequency_in_sample": [12.0, np.nan],
+            "outcome_held_out": [0.255, 0.1],
+            "log_evidence": [-40.0, -12.3],
+        }
+    )
+    assert improvement_page.error_columns(table) == ["model", "outcome, balanced", "chatter frequency", "log evidence"]
+    assert improvement_page.error_rows(table) == [
+        ["as described", "25.5 % (25.5 %)", "12 Hz", "-40.0"],
+        ["tool runout + process damping", "8.0 % (10.0 %)", "", "-12.3"],
+    ]
+    (outcome, frequency) = improvement_figure.history(table).axes
+    assert outcome.get_ylabel() == "outcome, balanced [%]"
+    assert [line.get_label() for line in outcome.lines] == ["on the data of the fit", "on cuts held out"]
+    # Drawn where it was told: never joined to what is not known.
+    assert np.isnan(frequency.lines[0].get_ydata()[1])
 
 
 def refused(capsys, *words):

@@ -60,6 +60,15 @@ def test_an_effect_of_ones_own_is_found_missing_and_predicts(tmp_path, capsys, c
     assert loss["low"] <= LOSS <= loss["high"]
     model = output / "model.yaml"
     assert yaml.safe_load(model.read_text())["effects"] == {"loosening_clamp": {}}
+    page = (output / "report.html").read_text()
+    for words in ("Added to the model: loosening clamp.", "2. With loosening clamp: ", "<h2>Before and after</h2>"):
+        assert words in page
+    with (output / "history.csv").open() as file:
+        history = {row["effect"]: row for row in csv.DictReader(file)}
+    assert list(history) == ["as described", "calibrated", "loosening_clamp"]
+    # The limits were computed with the effect: with it they are met to their uncertainty, and not without it.
+    before, after = (float(history[name]["limit_depth_held_out"]) for name in ("calibrated", "loosening_clamp"))
+    assert after < 0.05 < before
     # The model is read with the folder of its effect, and says so without it.
     trials, predictions = tmp_path / "plan.csv", tmp_path / "predicted.csv"
     trials.write_text("trial,spindle_speed_rpm,axial_depth_mm\n1,3000,1.0\n")
