@@ -17,7 +17,7 @@ from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.machine import Machine
 from chatter_core.reading import load_yaml, sentences, shown
-from pipeline.settings import differing_keys
+from pipeline.settings import differing_keys, own_digests
 
 HEAD = """# A calibrated model: the machine that it belongs to, effects, and parameters as they were fitted.
 # Logarithms of factors have the unit ln. Give it to compare or predict as model=FILE.
@@ -68,6 +68,9 @@ class ModelFile(BaseModel):
     base: Literal["full", "static_bearing"] = Field(default="full", description="what the base model holds")
     modes: int | None = Field(default=None, ge=1, le=100, description="modes of each axis that the base model keeps")
     effects: dict[str, dict[str, Any]] = Field(description="effects beyond the base model, each with its settings")
+    own_effects: dict[str, str] = Field(
+        default={}, description="of the user's own among them, digests of the files that were fitted"
+    )
     parameters: tuple[FittedParameter, ...] = Field(max_length=1000, description="fitted parameters")
     correlation: tuple[tuple[float, ...], ...] = Field(description="how they correlate, a row for each")
     machine: Machine = Field(description="the machine as described, that the parameters belong to")
@@ -114,6 +117,7 @@ def write(path: Path, machine: Machine, fit: Fit, content: Content) -> None:
         "base": content.base,
         **({"modes": content.modes} if content.modes is not None else {}),
         "effects": content.effects,
+        **({"own_effects": digests} if (digests := own_digests(content.effects, content.effects_path)) else {}),
         "parameters": parameters,
         "correlation": correlation,
         "machine": machine.described(),
@@ -126,8 +130,8 @@ def read(path: Path, machine: Machine, own: Path | None = None) -> ModelFile:
 
     own: folder of the user's own effects, where it may have some of its effects from.
 
-    Raises InvalidInput when it cannot be read, names an effect that there is not, or belongs to another machine than
-    the campaign's.
+    Raises InvalidInput when it cannot be read, names an effect that there is not or that was changed since, or belongs
+    to another machine than the campaign's.
     """
     try:
         found = ModelFile.model_validate(load_yaml(path))
@@ -136,6 +140,7 @@ def read(path: Path, machine: Machine, own: Path | None = None) -> ModelFile:
     problems = [
         problem for name, settings in found.effects.items() for problem in _effect_problems(name, settings, own)
     ]
+    problems = problems or _changed_effects(found, own)
     if problems:
         raise InvalidInput([f"{path}: {problem}" for problem in problems])
     differing = differing_keys(found.machine.described(), machine.described())
@@ -163,6 +168,16 @@ def _effect_problems(name: str, settings: dict[str, Any], own: Path | None) -> l
     except InvalidInput as error:
         return error.problems
     return []
+
+
+def _changed_effects(found: ModelFile, own: Path | None) -> list[str]:
+    """Return which of the user's own effects are not any more what was fitted."""
+    now = own_digests(found.effects, own)
+    return [
+        f"effects.{name}: {name}.py was changed since the model was fitted; fit the model again"
+        for name, digest in found.own_effects.items()
+        if now.get(name) != digest
+    ]
 
 
 def belief_of(found: ModelFile, path: Path, model: CampaignModel) -> Belief:

@@ -76,6 +76,12 @@ def test_an_effect_of_ones_own_is_found_missing_and_predicts(tmp_path, capsys, c
     said = refused(capsys, *asked)
     assert said.count("error:") == 1
     assert "found 'loosening_clamp', which the program has not; where it is your own, name its folder by" in said
+    # Another law under the same name is not what was fitted.
+    changed = shutil.copytree(OWN.partition("=")[2], tmp_path / "changed")
+    with (changed / "loosening_clamp.py").open("a") as file:
+        file.write("# Changed.\n")
+    said = refused(capsys, *asked, f"effects_path={changed}")
+    assert "effects.loosening_clamp: loosening_clamp.py was changed since the model was fitted" in said
     assert main([*asked, OWN]) == 0
     with predictions.open() as file:
         (row,) = csv.DictReader(file)
