@@ -1,4 +1,4 @@
-"""The falling error, version by version of a model."""
+"""The errors of a model, version by version."""
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -20,8 +20,8 @@ def history(table: pd.DataFrame) -> Figure:
     """Draw the errors of every version of the model, on the data that it was fitted to and on cuts held out."""
     shown = [name for name in SHOWN if f"{name}_in_sample" in table]
     rows, columns = -(-len(shown) // COLUMNS), min(len(shown), COLUMNS)
-    figure = Figure(figsize=(3.6 * columns + 1.0, 3.6 * rows + 0.8), layout="constrained")
-    figure.suptitle("The falling error", fontweight="bold", x=0.01, ha="left")
+    figure = Figure(figsize=(11.0, 3.6 * rows + 0.8), layout="constrained")
+    figure.suptitle("Error of each version of the model", fontweight="bold", x=0.01, ha="left")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, name in zip(panels, shown, strict=False):
         _errors(axes, table, name)

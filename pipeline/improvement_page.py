@@ -38,6 +38,14 @@ MEANINGS = {
     "unexplained": "something is missing that no effect explains",
     "underpowered": "these measurements cannot tell",
 }
+#: Quantities of which the gist tells, the first that was measured.
+HEADS = {
+    "outcome": "Outcomes told wrongly",
+    "limit_depth": "Error of limit depths",
+    "receptance": "Error of receptances",
+    "natural_frequency": "Error of natural frequencies",
+    "bearing_stiffness": "Error of bearing stiffnesses",
+}
 #: A cut that is expected to tell less than this parts nothing [nats].
 WORTH_A_CUT = 0.01
 
@@ -88,19 +96,23 @@ def lead(found: Improvement) -> list[str]:
     """Return the gist in sentences."""
     added = _readable(", ".join(found.added))
     told = [f"Added to the model: {added}." if added else "Nothing was added to the model."]
-    table = found.history
-    for kind, words in (("held_out", "on cuts held out"), ("in_sample", "on the cuts of the fit")):
-        if f"outcome_{kind}" in table:
-            steps = [
-                f"{100.0 * value:.1f} % {_version(effect)}"
-                for effect, value in zip(table["effect"], table[f"outcome_{kind}"], strict=True)
-            ]
-            told.append(f"Outcomes told wrongly {words}: {', '.join(steps)}.")
-            break
-    told.append(f"In the end: {_readable(found.diagnoses[-1].verdict.text)}")
+    told += _headline(found.history)
+    verdict = _readable(found.diagnoses[-1].verdict.text)
+    told.append(f"In the end: {verdict[0].lower()}{verdict[1:]}")
     if found.unfinished:
         told.append(f"It is not added any more: {MOST_STEPS} times is the most.")
     return told
+
+
+def _headline(table: pd.DataFrame) -> list[str]:
+    """Return the error of the first quantity that was measured, by every version of the model, as a sentence."""
+    for name, words in HEADS.items():
+        for kind, where in (("held_out", "on cuts held out"), ("in_sample", "on the data of the fit")):
+            if f"{name}_{kind}" in table:
+                steps = zip(table["effect"], table[f"{name}_{kind}"], strict=True)
+                told = ", ".join(f"{_shown(name, value)} {_version(effect)}" for effect, value in steps)
+                return [f"{words}, {where}: {told}."]
+    return []
 
 
 def _readable(text: str) -> str:

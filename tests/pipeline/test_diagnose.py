@@ -63,7 +63,7 @@ def test_a_history_begins_as_described_and_its_model_predicts(improved, tmp_path
 
 def test_the_page_of_an_improvement_tells_how_the_error_fell_step_by_step(improved):
     page = (improved / "report.html").read_text()
-    for head in ("The falling error", "Step by step", "The first diagnosis", "Calibration of the final model"):
+    for head in ("How the error fell", "Step by step", "The first diagnosis", "Calibration of the final model"):
         assert f"<h2>{head}</h2>" in page
     assert "1. Base model: " in page
     assert page.count("data:image/png;base64,") == len(list((improved / "figures").glob("*.png")))

@@ -61,7 +61,12 @@ def test_an_effect_of_ones_own_is_found_missing_and_predicts(tmp_path, capsys, c
     model = output / "model.yaml"
     assert yaml.safe_load(model.read_text())["effects"] == {"loosening_clamp": {}}
     page = (output / "report.html").read_text()
-    for words in ("Added to the model: loosening clamp.", "2. With loosening clamp: ", "<h2>Before and after</h2>"):
+    for words in (
+        "Added to the model: loosening clamp.",
+        "Error of limit depths, on cuts held out: ",
+        "2. With loosening clamp: ",
+        "<h2>Before and after</h2>",
+    ):
         assert words in page
     with (output / "history.csv").open() as file:
         history = {row["effect"]: row for row in csv.DictReader(file)}
