@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from chatter_core.evidence.comparison import Comparison
 from chatter_core.evidence.fit import CLIMBED_STARTS, Fit, free_parameters, height, maximise, result
-from chatter_core.evidence.newton import Climb
+from chatter_core.evidence.newton import SMALLEST_GAIN, Climb
 from chatter_core.evidence.parameters import Array, Parameter, Problem, column
 
 #: Starts lie so many prior widths to both sides of the null, one parameter at a time.
@@ -20,11 +20,18 @@ START_WIDTHS = 2.0
 START_GAIN = 0.3
 
 
-def calibrate(comparison: Comparison, *, start: Array | None = None, fixed: Sequence[str] = ()) -> Fit:
+def calibrate(
+    comparison: Comparison,
+    *,
+    start: Array | None = None,
+    fixed: Sequence[str] = (),
+    smallest_gain: float = SMALLEST_GAIN,
+) -> Fit:
     """Fit a model to a campaign: by what is cheap and sharp, then by what is smooth, then by everything.
 
     start: (parameter,), values that the fit must not end below, such as those of a model that is nested in this
-    one; without it, the nulls. fixed: names of parameters that stay at their start.
+    one; without it, the nulls. fixed: names of parameters that stay at their start. The fit ends where its next step
+    promises less than ``smallest_gain`` [nats].
 
     Raises InvalidInput for an unknown name or a start out of bounds.
 
@@ -38,7 +45,7 @@ def calibrate(comparison: Comparison, *, start: Array | None = None, fixed: Sequ
         if part is not None:
             end, evaluations = _approached(part, starts, free, climbed)
             starts, climbed, spent = [own, end], 1, spent + evaluations
-    found = maximise(comparison, starts, free, 1)
+    found = maximise(comparison, starts, free, 1, smallest_gain)
     return result(comparison, found, spent, height(comparison, own))
 
 

@@ -63,6 +63,11 @@ class Hypothesis:
         """Names of the effects."""
         return tuple(candidate.name for candidate in self.candidates)
 
+    @property
+    def name(self) -> str:
+        """Names of the effects in one, however they are listed; empty for the base model."""
+        return " + ".join(sorted(self.names))
+
 
 def extended(base: Comparison, candidates: Sequence[Candidate]) -> Comparison:
     """Return a comparison whose model has some effects more, in the order in which they act along the chain.
