@@ -17,9 +17,14 @@ SHUFFLE_SEED = 7
 
 @dataclass(frozen=True, kw_only=True)
 class Ablation:
-    """text: in words; without: files that are left out; cuts: what becomes of stability.csv; frozen: nuisances."""
+    """What is taken, and what must come of it.
+
+    text, expected: in words; without: files that are left out; cuts: what becomes of stability.csv; frozen: whether
+    nuisances of the machine stay as described.
+    """
 
     text: str
+    expected: str = ""
     without: tuple[str, ...] = ()
     cuts: Callable[[Rows], Rows] | None = None
     frozen: bool = False
@@ -46,10 +51,12 @@ WHOLE = "whole"
 #: Shuffled labels lose the measurements without cutting as well: those would rightly name what they show.
 ABLATIONS = {
     WHOLE: Ablation(text="everything that was measured"),
-    "without_responses": Ablation(text="without frf.csv and modes.csv", without=RESPONSES),
-    "labels_alone": Ablation(text="labels alone", without=STRUCTURE, cuts=labels_alone),
-    "shuffled": Ablation(text="labels shuffled, and nothing but cuts", without=STRUCTURE, cuts=shuffled),
-    "frozen": Ablation(text="nuisances of the machine frozen", frozen=True),
+    "without_responses": Ablation(text="without frf.csv and modes.csv", expected="fewer right", without=RESPONSES),
+    "labels_alone": Ablation(text="labels alone", expected="fewer right", without=STRUCTURE, cuts=labels_alone),
+    "shuffled": Ablation(
+        text="labels shuffled, and nothing but cuts", expected="nothing named", without=STRUCTURE, cuts=shuffled
+    ),
+    "frozen": Ablation(text="nuisances of the machine frozen", expected="more named wrongly", frozen=True),
 }
 
 

@@ -154,8 +154,10 @@ def _write(found: Drawn, planned: Plan, folder: Path, place: Path, truth_place: 
     shutil.copyfile(folder / "machine.yaml", draft / "machine.yaml")
     chatters = found.campaign.trials.outcome == OUTCOMES.index("chatter")
     _write_cuts(draft / "stability.csv", folder, found.campaign, chatters, found.campaign.trials.chatter_frequency)
-    if found.campaign.receptances:
-        write_rows(draft / "frf.csv", [row for one in found.campaign.receptances for row in _response_rows(one)])
+    # Without an effect that couples the axes a cross response of this model is nothing, not even noise.
+    responses = [one for one in found.campaign.receptances if one.value.any()]
+    if responses:
+        write_rows(draft / "frf.csv", [row for one in responses for row in _response_rows(one)])
     draft.replace(place)
 
 

@@ -80,7 +80,9 @@ def text_of(cases: dict[tuple[str, str], list[Case]]) -> list[str]:
     return [
         "# Hidden effects, diagnosed blind",
         "",
-        f"{len(whole)} campaigns of machines that hide nothing, one effect, two, or something without a name.",
+        f"{len(whole)} campaigns of machines that hide nothing, one effect, two, or something without a name; seeds "
+        f"{min(case.seed for case in whole)} to {max(case.seed for case in whole)}. What the words mean stands in "
+        "docs/blind.md.",
         "",
         "## Targets",
         "",
@@ -115,11 +117,13 @@ def _ablations(cases: dict[tuple[str, str], list[Case]]) -> list[str]:
     for (campaigns, name), of in cases.items():
         if campaigns == GENERATED and name != WHOLE and of:
             same = [whole[case.seed] for case in of]
-            for title, some in ((f"everything, the same {len(of)}", same), (ABLATIONS[name].text, of)):
-                rows.append([name, title, *_ablation_numbers(some)])
+            ablation = ABLATIONS[name]
+            rows.append([name, f"everything, the same {len(of)}", "", *_ablation_numbers(same)])
+            rows.append([name, ablation.text, ablation.expected, *_ablation_numbers(of)])
     if not rows:
         return ["None was asked for."]
-    return markdown(["ablation", "", "most probable is right", "an effect named", "named wrongly", "failed"], rows)
+    numbers = ["most probable is right", "an effect named", "named wrongly", "failed"]
+    return markdown(["ablation", "measured", "must come of it", *numbers], rows)
 
 
 def _ablation_numbers(cases: Sequence[Case]) -> list[str]:
@@ -148,7 +152,8 @@ def _own(cases: dict[tuple[str, str], list[Case]]) -> list[str]:
     for model in ("nominal", "refitted", "answered"):
         means = [mean_interval([case.errors[model] for case in of if model in case.errors]) for of in (own, same)]
         gap = 100.0 * (means[0][0] - means[1][0])
-        rows.append([f"held-out outcome error, {model}", *(share_text(*one) for one in means), f"{gap:+.1f}"])
+        told = f"{gap:+.1f}" if np.isfinite(gap) else "-"
+        rows.append([f"held-out outcome error, {model}", *(share_text(*one) for one in means), told])
     header = [f"the same {len(own)} seeds", "own model", "generator", "difference [percentage points]"]
     return markdown(header, rows)
 
