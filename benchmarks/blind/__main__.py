@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 # Workers are processes; a second thread in each would only be in the way of the others.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -72,9 +73,10 @@ def diagnose_missing(work: Work, arguments: argparse.Namespace) -> None:
     wanted = [task for task in everything if not kept.holds(task, arguments.limit, any_program=arguments.any_program)]
     print(f"{len(everything) - len(wanted)} of {len(everything)} diagnoses are there", file=sys.stderr)
     if wanted:
-        with open_client(Cluster(kind="local", workers=arguments.workers)) as client:
+        cluster = Cluster(kind="local", workers=arguments.workers)
+        with TemporaryDirectory(prefix="blind-") as scratch, open_client(cluster) as client:
             assert client is not None
-            run_all(client, wanted, arguments.limit)
+            run_all(client, wanted, arguments.limit, Path(scratch))
 
 
 def command_line() -> argparse.Namespace:

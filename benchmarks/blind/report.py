@@ -168,7 +168,7 @@ def _provenance(tasks: Sequence[Task]) -> list[str]:
         lines.append("Not all answers are of the program as it is now.")
     for task, answer in zip(tasks, answers, strict=True):
         if answer["state"] != DONE:
-            lines.append(f"- failed: {task}: {answer['reason'].strip().splitlines()[-1]}")
+            lines.append(f"- failed: {task}: {answer['reason'].splitlines()[-1]}")
     return lines
 
 

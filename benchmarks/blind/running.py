@@ -20,15 +20,17 @@ from pipeline.settings import Cluster
 KEPT_TEXT = 600
 
 
-def run(task: Task, limit_s: float, program: str) -> dict[str, Any]:
-    """Diagnose a campaign within a time limit, keep the answer, and return it; program: its digest as work began.
+def run(task: Task, limit_s: float, program: str, scratch: Path) -> dict[str, Any]:
+    """Diagnose a campaign within a time limit, keep the answer, and return it.
+
+    program: its digest as work began; scratch: folder that whoever began it clears away.
 
     The diagnosis runs in a process of its own, which is ended when its time is over or when this one is gone.
     """
     begun = time.perf_counter()
-    with tempfile.TemporaryDirectory(prefix="blind-") as scratch:
-        folder = prepare(task.campaign, task.ablation, Path(scratch) / task.campaign.name)
-        file, told = Path(scratch) / "answer.json", Path(scratch) / "told.txt"
+    with tempfile.TemporaryDirectory(dir=scratch) as own:
+        folder = prepare(task.campaign, task.ablation, Path(own) / task.campaign.name)
+        file, told = Path(own) / "answer.json", Path(own) / "told.txt"
         words = [sys.executable, "-m", "benchmarks.blind.program", str(folder.resolve()), str(file)]
         words += ["--frozen"] if ABLATIONS[task.ablation].frozen else []
         with told.open("wb") as errors:
@@ -37,7 +39,7 @@ def run(task: Task, limit_s: float, program: str) -> dict[str, Any]:
             )  # fmt: skip
             try:
                 process.wait(limit_s)
-                reason = told.read_text(errors="replace")[-KEPT_TEXT:] if process.returncode else ""
+                reason = _reason(process.returncode, told)
             except subprocess.TimeoutExpired:
                 reason = f"not done after {limit_s:g} s"
             finally:
@@ -60,30 +62,35 @@ def _head(task: Task, limit_s: float, program: str) -> dict[str, Any]:
     }
 
 
-def run_all(client: Client, tasks: Sequence[Task], limit_s: float) -> None:
+def run_all(client: Client, tasks: Sequence[Task], limit_s: float, scratch: Path) -> None:
     """Diagnose all; one that fails is told and kept as failed, and the others go on."""
     begun, program = time.monotonic(), kept.program_digest()
-    futures = {client.submit(run, task, limit_s, program, pure=False): task for task in tasks}
+    futures = {client.submit(run, task, limit_s, program, scratch, pure=False): task for task in tasks}
     try:
         for done, future in enumerate(as_completed(futures), start=1):
             task = futures[future]
             error = future.exception()
             if error is not None:
-                said = f"failed: {error!r}"
+                # Its worker died; what a diagnosis itself raises is kept already.
                 lost = {"elapsed_s": 0.0, "state": FAILED, "reason": repr(error)}
                 kept.write(task.path, {**_head(task, limit_s, program), **lost})
-            else:
-                said = _said(future.result())
-            tell(done, len(tasks), f"{task}: {said}", begun)
+            tell(done, len(tasks), f"{task}: {_said(kept.read(task.path))}", begun)
             future.release()
     finally:
         client.cancel(list(futures))
 
 
+def _reason(code: int, told: Path) -> str:
+    """Return why a diagnosis failed, "" where it did not."""
+    if code == 0:
+        return ""
+    return told.read_text(errors="replace").strip()[-KEPT_TEXT:] or f"ended with {code}"
+
+
 def _said(found: dict[str, Any]) -> str:
     """Return an answer in a word or two."""
     if found["state"] == FAILED:
-        return f"failed: {found['reason'].strip().splitlines()[-1]}"
+        return f"failed: {found['reason'].splitlines()[-1]}"
     document = found["document"]
     return f"{' '.join([document['verdict'], *document['missing']])} in {found['elapsed_s']:.0f} s"
 

@@ -54,17 +54,17 @@ def test_a_failure_is_tried_again_with_more_time_alone(task):
     assert not kept.holds(task, 61.0)
 
 
-def test_a_diagnosis_that_raises_is_kept_as_failed_with_its_reason(task):
-    found = running.run(task, 300.0, "digest")
+def test_a_diagnosis_that_raises_is_kept_as_failed_with_its_reason(task, tmp_path):
+    found = running.run(task, 300.0, "digest", tmp_path)
     assert found["state"] == FAILED
     assert "machine.yaml" in found["reason"]
     assert kept.read(task.path) == found
     assert found["program"] == "digest"
 
 
-def test_a_diagnosis_that_hangs_is_ended_and_kept_as_failed(task):
+def test_a_diagnosis_that_hangs_is_ended_and_kept_as_failed(task, tmp_path):
     # No interpreter starts within a millisecond.
-    found = running.run(task, 0.001, "digest")
+    found = running.run(task, 0.001, "digest", tmp_path)
     assert (found["state"], found["reason"]) == (FAILED, "not done after 0.001 s")
 
 
