@@ -86,6 +86,12 @@ def predict_held_out(root: Path, campaigns: str, task: Task) -> str:
     return str(found["reason"]) or "predicted"
 
 
+def why_not_predicted(root: Path, campaigns: str, task: Task) -> str:
+    """Return why the kept-back cuts of a campaign were not predicted, "" where they were."""
+    path = prediction_file(root, campaigns, task)
+    return str(kept.read(path)["reason"]) if path.exists() else ""
+
+
 def held_out_errors(root: Path, campaigns: str, task: Task, answer: Data) -> dict[str, float]:
     """Return the balanced outcome error of kept-back cuts by model; none where they were not predicted."""
     path = prediction_file(root, campaigns, task)

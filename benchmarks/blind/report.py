@@ -9,7 +9,7 @@ from benchmarks.blind import figures, kept
 from benchmarks.blind.ablations import ABLATIONS, WHOLE
 from benchmarks.blind.judgement import Case, confusion, is_sure_and_wrong, share_of
 from benchmarks.blind.kept import DONE, Task
-from benchmarks.blind.opening import case_of, predict_held_out
+from benchmarks.blind.opening import case_of, predict_held_out, why_not_predicted
 from benchmarks.blind.running import spread_calls
 from benchmarks.blind.summary import (
     Row,
@@ -43,6 +43,9 @@ def write(root: Path, tasks: Tasks, workers: int) -> list[Path]:
     cases = {key: [case_of(root, key[0], task) for task in of] for key, of in tasks.items()}
     lines, rows = text_of(cases), table_of(cases)
     lines += _provenance([task for of in tasks.values() for task in of])
+    for given in opened:
+        if reason := why_not_predicted(*given):
+            lines.append(f"- kept-back cuts not predicted: {given[-1]}: {reason}")
     paths = [root / "report.md", root / "table.csv", root / "targets.csv"]
     paths[0].write_text("\n".join(lines) + "\n", encoding="utf-8")
     write_rows(paths[1], rows)

@@ -3,13 +3,18 @@
 import json
 import shutil
 
+import pytest
+
 from benchmarks.blind import kept, own_model
-from benchmarks.blind.judgement import word_of
+from benchmarks.blind.choosing import disagreeing
+from benchmarks.blind.judgement import Case, word_of
 from benchmarks.blind.kept import DONE, FAILED, ROOT
 from benchmarks.blind.opening import case_of, truth_folder
+from benchmarks.blind.program import answer
 from benchmarks.blind.report import GENERATED, OWN, write
 from benchmarks.blind.tables import read_rows, write_rows
 from chatter_core.evidence import read_campaign
+from tests.hidden_effect.campaign import make_campaign
 from tests.hidden_effect.design import CALIBRATION_SEEDS, plan
 
 CAMPAIGN = ROOT / "tests" / "data" / "campaigns" / "d01"
@@ -87,3 +92,41 @@ def test_a_campaign_of_the_own_model_is_read_as_one(tmp_path):
     assert (place / "stability.csv").read_bytes() == before
     foreign = next(seed for seed in CALIBRATION_SEEDS if plan(seed).kind == "foreign")
     assert not own_model.draw(CAMPAIGN, tmp_path / "other", truth_place, foreign)
+
+
+def thinned(seed, folder):
+    """A generated campaign with a third of its speeds and a quarter of the lines of its direct responses."""
+    whole, truth = folder / "whole", folder / "truth"
+    make_campaign(seed, whole, truth)
+    thin = folder / "thin"
+    thin.mkdir()
+    shutil.copyfile(whole / "machine.yaml", thin / "machine.yaml")
+    cuts = read_rows(whole / "stability.csv")
+    speeds = sorted({float(row["spindle_speed_rpm"]) for row in cuts})[::3]
+    write_rows(thin / "stability.csv", [row for row in cuts if float(row["spindle_speed_rpm"]) in speeds])
+    lines = [row for row in read_rows(whole / "frf.csv") if row["output_axis"] == row["input_axis"]]
+    frequencies = sorted({float(row["frequency_hz"]) for row in lines})[::4]
+    write_rows(thin / "frf.csv", [row for row in lines if float(row["frequency_hz"]) in frequencies])
+    return thin
+
+
+#: Seeds whose diagnosis is cheap: one that hides nothing, and one with a strong effect.
+SMALL = {1078: set(), 1040: {"speed_dependent_damping"}}
+
+
+@pytest.mark.parametrize("seed", SMALL)
+def test_a_small_campaign_is_diagnosed_rightly(seed, tmp_path):
+    """Nothing is named where nothing is hidden, and the strong effect where it is; an answer can be had again."""
+    assert set(plan(seed).effects) == SMALL[seed]
+    found = answer(thinned(seed, tmp_path), frozen=False)
+    document = found["document"]
+    assert set(document["missing"]) == SMALL[seed]
+    assert found["evaluations"] > 0
+    assert document["verdict"] in (("effect",) if SMALL[seed] else ("none", "underpowered"))
+    probabilities = {one["effect"]: one["probability"] for one in document["ranking"]}
+    probabilities["none"] = document["probability_of_none"]
+    known = Case(
+        seed=seed, kind="one", verdict=document["verdict"], missing=tuple(document["missing"]),
+        probabilities=probabilities,
+    )  # fmt: skip
+    assert disagreeing([(known, found)]) == []
