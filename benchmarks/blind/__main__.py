@@ -6,6 +6,7 @@ diagnoses are there. The same command continues what was interrupted.
 
 import argparse
 import os
+import signal
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -99,6 +100,8 @@ def main() -> int:
     """Make, diagnose, judge; return 1 when a campaign could not be made."""
     arguments = command_line()
     root = arguments.folder
+    # Ends in order what was started, as Ctrl-C does.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     every = (CALIBRATION_SEEDS if arguments.seeds == "calibration" else TEST_SEEDS)[: arguments.count]
     try:
         failed = make_all(root, every, arguments.workers)
