@@ -156,7 +156,7 @@ def receptance(modes: TipModes, frequency: Array) -> NDArray[np.complex128]:
     See docs/physics.md#tool-tip.
     """
     if modes.gyroscopic is not None:
-        return _coupled_receptance(modes, modes.gyroscopic, frequency)
+        return _coupled_receptance(modes, frequency)
     natural = modes.natural_frequency[:, None, :]
     excited = frequency[None, :, None]
     term = 1.0 / (
@@ -169,19 +169,14 @@ def receptance(modes: TipModes, frequency: Array) -> NDArray[np.complex128]:
     return result
 
 
-def _coupled_receptance(modes: TipModes, gyroscopic: Array, frequency: Array) -> ComplexArray:
-    """Return the receptance of modes that feel each other: one matrix to be solved for every line."""
-    count = len(modes)
-    mass, natural = modes.modal_mass, modes.natural_frequency
-    own, mode = np.arange(count), np.zeros((count, 2))
-    mode[own, modes.axis] = 1.0
-    result = np.empty((len(natural), len(frequency), 2, 2), dtype=complex)
-    for line, excited in enumerate(frequency):
-        dynamic = 1j * excited * gyroscopic.astype(complex)
-        alone = natural**2 - excited**2 + 2j * modes.damping_ratio * natural * excited
-        dynamic[:, own, own] += mass * alone
-        result[:, line] = mode.T @ np.linalg.solve(dynamic, np.broadcast_to(mode, (len(natural), count, 2)))
-    return result
+def _coupled_receptance(modes: TipModes, frequency: Array) -> ComplexArray:
+    """Return the receptance of modes that feel each other, C (i w - A)^-1 B, by the poles of the state space."""
+    space = state_space(modes)
+    poles, vectors = np.linalg.eig(space.state_matrix)
+    driven = np.linalg.solve(vectors, space.input_matrix.astype(complex))
+    residues = (space.output_matrix @ vectors)[:, :, None, :] * driven.swapaxes(1, 2)[:, None]
+    lines = 1.0 / (1j * frequency[:, None] - poles[:, None, :])
+    return np.asarray(np.einsum("sfp,soip->sfoi", lines, residues, optimize=True))
 
 
 def between_axes(force: Array) -> Array:

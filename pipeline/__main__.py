@@ -64,10 +64,11 @@ options of verbs
   point     spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static,
             format=text|json, output=DIR, effects=[NAME,...], effects_path=DIR, base=full|static_bearing
   compare   campaign=DIR, model=FILE.yaml, output=DIR
-            base=full|static_bearing, modes=N, effects=[NAME,...]
+            base=full|static_bearing, modes=N, effects=[NAME,...], effects_path=DIR
   diagnose  as compare
-  improve   campaign=DIR, base, modes, effects, output=DIR
+  improve   as compare
   predict   campaign=DIR, model=FILE.yaml, trials=FILE.csv, predictions=FILE.csv
+            base=full|static_bearing, modes=N, effects=[NAME,...], effects_path=DIR
   identify  frf=FILE.csv|FILE.uff or campaign=DIR, modes, lowest_frequency_hz, highest_frequency_hz,
             output=FILE.yaml
   paper     output=DIR

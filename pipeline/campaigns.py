@@ -2,21 +2,27 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from chatter_core.effects import Effect, effect_class
 from chatter_core.errors import InvalidInput
-from chatter_core.evidence import Campaign, CampaignModel, base_model, read_campaign
+from chatter_core.evidence import Campaign, CampaignModel, Responses, base_model, read_campaign
 from chatter_core.evidence.belief import PRIORS, Belief
+from chatter_core.evidence.campaign import MACHINE_FILE
+from chatter_core.machine import Machine
 from chatter_core.parameters import Array, Parameter
-from chatter_core.reading import sentences, shown
+from chatter_core.reading import printable, sentences, shown
 from chatter_core.stages import Stages
+from chatter_core.tip import most_modes
 from pipeline import model_file
-from pipeline.configuration import EFFECTS, Words, compose_settings
+from pipeline.configuration import EFFECTS, EFFECTS_PATH, Words, compose_settings
 from pipeline.settings import Cluster, Settings
+
+#: Words that every verb of a campaign takes beside its options.
+WORDS = (EFFECTS, EFFECTS_PATH)
 
 
 class CampaignOptions(BaseModel):
@@ -28,6 +34,24 @@ class CampaignOptions(BaseModel):
     model: Path | None = Field(default=None, description="calibrated model; without it machine.yaml as it stands")
     base: Literal["full", "static_bearing"] = Field(default="full", description="what the base model holds")
     modes: int | None = Field(default=None, ge=1, le=100, description="modes of each axis that the base model keeps")
+
+
+Options = TypeVar("Options", bound=CampaignOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What a verb works on.
+
+    name: of the campaign, as it is told; model: what is asked for; belief: what is known of its parameters before the
+    campaign; content: what it is made of; cluster: where to compute.
+    """
+
+    name: str
+    model: CampaignModel
+    belief: Belief
+    content: model_file.Content
+    cluster: Cluster
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +72,7 @@ def _no_speed(spindle_speed: Array, modal_parameters: str) -> Array:
     return np.zeros_like(spindle_speed)
 
 
-def options_of(words: Words, kind: type[CampaignOptions], verb: str) -> CampaignOptions:
+def options_of(words: Words, kind: type[Options], verb: str) -> Options:
     """Return the options of a verb.
 
     Raises InvalidInput for a missing or wrong option, and for words that belong to other verbs: the campaign's
@@ -63,7 +87,7 @@ def options_of(words: Words, kind: type[CampaignOptions], verb: str) -> Campaign
     if foreign:
         raise InvalidInput([f"{word}: not for {verb}, which takes the campaign's own machine.yaml" for word in foreign])
     try:
-        options = kind.model_validate({key: value for key, value in words.options.items() if key != EFFECTS})
+        options = kind.model_validate({key: value for key, value in words.options.items() if key not in WORDS})
     except ValidationError as error:
         raise InvalidInput(sentences(error, kind)) from None
     if options.model is not None:
@@ -73,46 +97,46 @@ def options_of(words: Words, kind: type[CampaignOptions], verb: str) -> Campaign
     return options
 
 
-def cluster_of(words: Words) -> Cluster:
-    """Return where the verb's work is computed."""
-    return _settings_of(words).cluster
-
-
-def _settings_of(words: Words) -> Settings:
-    return compose_settings(replace(words, options={k: v for k, v in words.options.items() if k == EFFECTS}))
-
-
-def read(options: CampaignOptions, words: Words) -> tuple[CampaignModel, Belief, model_file.Content]:
-    """Return the campaign's model, what is known of its parameters, and what the model is made of.
+def read(options: CampaignOptions, words: Words) -> Asked:
+    """Return the model that is asked for, and everything beside it.
 
     What the reader found odd is told.
 
     Raises InvalidInput with the findings of all files.
     """
     campaign = read_campaign(options.campaign)
+    settings = _settings_of(words, options.campaign / MACHINE_FILE)
     if options.model is not None:
-        found = model_file.read(options.model, campaign.machine)
-        content = found.content
+        found = model_file.read(options.model, campaign.machine, settings.effects_path)
+        content = found.content(settings.effects_path)
     else:
-        configured: dict[str, dict[str, Any]] = _settings_of(words).effects
-        settings = {name: _settings_among(name, values) for name, values in configured.items()}
-        content = model_file.Content(base=options.base, modes=options.modes, effects=settings)
+        content = _content_of(options, settings)
     model = model_of(campaign, content)
     if options.model is not None:
         belief = model_file.belief_of(found, options.model, model)
     else:
-        belief = _as_configured(configured)
+        belief = _as_configured(settings)
     for line in remarks(campaign):
         print(line)
-    return model, belief, content
+    name = printable(options.campaign.resolve().name)
+    return Asked(name=name, model=model, belief=belief, content=content, cluster=settings.cluster)
+
+
+def _settings_of(words: Words, machine_file: Path) -> Settings:
+    """Return the settings that the words make on the campaign's own machine."""
+    return compose_settings(
+        replace(words, options={k: v for k, v in words.options.items() if k in WORDS}, machine_file=machine_file)
+    )
 
 
 def model_of(campaign: Campaign, content: model_file.Content) -> CampaignModel:
     """Return the model of a campaign that has a base and effects.
 
-    Raises InvalidInput when an effect cannot act on the machine.
+    Raises InvalidInput when base, modes or an effect are not for the machine.
     """
-    effects = [effect_class(name)(**settings) for name, settings in content.effects.items()]
+    _require_parts(campaign.machine, content)
+    own = content.effects_path
+    effects = [effect_class(name, own)(**settings) for name, settings in content.effects.items()]
     effects.sort(key=lambda effect: effect.place())
     for effect in effects:
         effect.require(campaign.machine)
@@ -124,20 +148,38 @@ def model_of(campaign: Campaign, content: model_file.Content) -> CampaignModel:
     return model
 
 
+def _require_parts(machine: Machine, content: model_file.Content) -> None:
+    """Raise InvalidInput where a machine of measured tip modes has not what is asked of it."""
+    if machine.tip is None:
+        return
+    if content.base == "static_bearing":
+        raise InvalidInput(["base: static_bearing holds bearings at rest; this machine has measured tip modes instead"])
+    most = most_modes(machine.tip)
+    if content.modes is not None and content.modes > most:
+        raise InvalidInput([f"modes: found {content.modes}, allowed: 1 to {most}, as many as were measured of an axis"])
+
+
 def settings_of(effect: Effect) -> dict[str, str | int]:
     """Return what was chosen of an effect."""
     return {setting.name: getattr(effect, setting.name) for setting in effect.settings}
 
 
-def _settings_among(name: str, values: dict[str, Any]) -> dict[str, Any]:
-    return {setting.name: values[setting.name] for setting in effect_class(name).settings}
+def _content_of(options: CampaignOptions, settings: Settings) -> model_file.Content:
+    """Return what the model is made of that the command line names."""
+    own = settings.effects_path
+    effects = {
+        name: {setting.name: values[setting.name] for setting in effect_class(name, own).settings}
+        for name, values in settings.effects.items()
+    }
+    return model_file.Content(base=options.base, modes=options.modes, effects=effects, effects_path=own)
 
 
-def _as_configured(configured: dict[str, dict[str, Any]]) -> Belief:
+def _as_configured(settings: Settings) -> Belief:
     """Return the configured sizes of effects, as surely as their priors have it."""
+    configured, own = settings.effects, settings.effects_path
     if not configured:
         return PRIORS
-    pairs = [(name, parameter) for name in configured for parameter in effect_class(name).declared]
+    pairs = [(name, parameter) for name in configured for parameter in effect_class(name, own).declared]
     return Belief(
         names=tuple(f"{name}.{parameter.name}" for name, parameter in pairs),
         estimate=np.array([float(configured[name][parameter.name]) for name, parameter in pairs]),
@@ -146,7 +188,7 @@ def _as_configured(configured: dict[str, dict[str, Any]]) -> Belief:
     )
 
 
-def remarks(campaign: Campaign) -> list[str]:
-    """Return what the reader of a campaign has to tell."""
-    told = [f"remark: {remark}" for remark in campaign.remarks]
-    return told + [f"unknown column, not used: {shown(column)}" for column in campaign.unknown_columns]
+def remarks(measured: Campaign | Responses) -> list[str]:
+    """Return what the reader of a campaign, or of a file of responses, has to tell."""
+    told = [f"remark: {remark}" for remark in measured.remarks]
+    return told + [f"unknown column, not used: {shown(column)}" for column in measured.unknown_columns]

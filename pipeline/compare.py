@@ -1,108 +1,37 @@
 """A model held against a campaign: how good it is, as described and calibrated, and where it fails."""
 
-import json
-import sys
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from distributed import Client
-from pydantic import Field
-from threadpoolctl import threadpool_limits
 
-from chatter_core.errors import InvalidInput
-from chatter_core.evidence import Comparison, calibrate
+from chatter_core.evidence import CampaignModel, Comparison, calibrate
 from chatter_core.evidence.assessment import Assessment, as_described, assess, interval
 from chatter_core.evidence.belief import Belief, fitted
-from chatter_core.evidence.boundary import field, setups
-from chatter_core.evidence.held_out import groups, held_out
-from chatter_core.reading import printable, shown
-from pipeline import comparison_document, comparison_figures, comparison_page, model_file
-from pipeline.campaigns import CampaignOptions, cluster_of, options_of, read
-from pipeline.cluster import open_client
-from pipeline.configuration import EFFECTS, make_folder, sort_words
+from pipeline import comparison_page, judging, model_file
+from pipeline.campaigns import Asked
 from pipeline.jobs import Job, spread_parts
-from pipeline.locking import locked, remove_empty
-
-#: Where the calibrated model is written.
-MODEL = "model.yaml"
-#: Setups of the cuts of which lobes are drawn, those with most cuts.
-DRAWN_SETUPS = 4
-
-
-class CompareOptions(CampaignOptions):
-    """What ``compare`` takes."""
-
-    output: Path | None = Field(default=None, description="folder for the answer")
+from pipeline.judging import MODEL, Verb
+from pipeline.pieces import held_out_jobs, lobe_jobs
 
 
 def run(words: list[str]) -> int:
     """Compare a model with a campaign and write what was found; return the exit code."""
-    sorted_words = sort_words(words, (*CompareOptions.model_fields, EFFECTS))
-    options = options_of(sorted_words, CompareOptions, "compare")
-    assert isinstance(options, CompareOptions)
-    cluster = cluster_of(sorted_words)
-    name = printable(options.campaign.resolve().name)
-    output = options.output or Path("results") / f"compare-{name}"
-    existed = output.exists()
-    with threadpool_limits(1):
-        model, belief, content = read(options, sorted_words)
-        _refuse_loss(output, options, name)
-        make_folder(output)
-        try:
-            with locked(output):
-                with open_client(cluster) as client:
-                    found = compute(client, Comparison(model=model), belief)
-                written = _write(found, content, name, output)
-        except BaseException as error:
-            if not existed:
-                remove_empty(output)
-            if isinstance(error, OSError):
-                raise InvalidInput([f"output: {output} cannot be written: {error.strerror or error}"]) from None
-            raise
-    print(comparison_page.summary(found))
-    for path in written:
-        print(f"written: {path}")
-    lost = found.refitted.compared.prediction.failed
-    if lost:
-        print(f"error: the calibrated model has no answer for {lost} data; they count as far off", file=sys.stderr)
-    return 1 if lost else 0
+    return judging.run(VERB, words)
 
 
-def _refuse_loss(output: Path, options: CompareOptions, name: str) -> None:
-    """Raise InvalidInput where the answer would take the place of what was measured, or of another answer."""
-    if output.resolve() == options.campaign.resolve():
-        raise InvalidInput([f"output: {output} is the folder of the campaign itself; name another"])
-    if options.model is not None and (output / MODEL).resolve() == options.model.resolve():
-        raise InvalidInput([f"output: {output} holds the model that is compared; name another folder"])
-    try:
-        before = json.loads((output / comparison_document.DOCUMENT).read_text(encoding="utf-8"))["campaign"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return
-    if before != name:
-        raise InvalidInput(
-            [f"output: {output} holds the comparison with campaign {shown(before)}; name another folder"]
-        )
+def anything_will_do(model: CampaignModel) -> None:
+    """Refuse nothing: the campaign's reader has made sure that something was measured."""
 
 
-def _write(found: Assessment, content: model_file.Content, name: str, output: Path) -> list[Path]:
-    """Write everything and return the paths.
+def _compare(client: Client | None, asked: Asked) -> Assessment:
+    return compute(client, Comparison(model=asked.model), asked.belief)
 
-    It is written beside its place and then moved: a disk that fills up, or a signal, leaves what was there before.
-    """
-    with TemporaryDirectory(prefix=".writing-", dir=output) as folder:
-        beside = Path(folder)
-        paths = comparison_page.write(found, name, beside)
-        model_file.write(beside / MODEL, found.comparison.model.campaign.machine, found.refitted.fit, content)
-        written = [output / path.relative_to(beside) for path in (*paths, beside / MODEL)]
-        (output / comparison_figures.FOLDER).mkdir(exist_ok=True)
-        for path in written:
-            (beside / path.relative_to(output)).replace(path)
-    # What an earlier comparison had to show, and this one has not, would speak of other measurements.
-    for path in (output / known for known in comparison_page.FILES):
-        if path not in written:
-            path.unlink(missing_ok=True)
-    return written
+
+def _write(found: Assessment, asked: Asked, output: Path) -> list[Path]:
+    paths = comparison_page.write(found, asked.name, output)
+    model_file.write(output / MODEL, asked.model.campaign.machine, found.refitted.fit, asked.content)
+    return [*paths, output / MODEL]
 
 
 def compute(client: Client | None, comparison: Comparison, belief: Belief) -> Assessment:
@@ -112,21 +41,13 @@ def compute(client: Client | None, comparison: Comparison, belief: Belief) -> As
     """
     model = comparison.model
     before = belief.about(model)
-    kinds = range(min(len(setups(model)), DRAWN_SETUPS))
     first = spread_parts(
         client,
         {
             "calibrated": [Job(name="calibration", call=partial(calibrate, comparison, start=before.estimate))],
             "described": [Job(name="model as described", call=partial(as_described, comparison, belief))],
-            "held_out": [
-                Job(
-                    name=f"cuts held out, group {group + 1}", call=partial(held_out, comparison, before.estimate, group)
-                )
-                for group in range(groups(model.campaign))
-            ],
-            "lobes": [
-                Job(name="lobes as described", call=partial(field, model, before.sure(), kind)) for kind in kinds
-            ],
+            "held_out": held_out_jobs(comparison, before.estimate),
+            "lobes": lobe_jobs(model, before.sure(), "lobes as described"),
         },
     )
     (fit,), (described,) = first["calibrated"], first["described"]
@@ -136,7 +57,7 @@ def compute(client: Client | None, comparison: Comparison, belief: Belief) -> As
         client,
         {
             "intervals": [Job(name=f"interval of {p}", call=partial(interval, comparison, fit, p)) for p in parameters],
-            "lobes": [Job(name="lobes as calibrated", call=partial(field, model, known, kind)) for kind in kinds],
+            "lobes": lobe_jobs(model, known, "lobes as calibrated"),
         },
     )
     return assess(
@@ -146,3 +67,14 @@ def compute(client: Client | None, comparison: Comparison, belief: Belief) -> As
         held_out=first["held_out"],
         intervals=dict(zip(parameters, second["intervals"], strict=True)),
     )
+
+
+VERB = Verb(
+    name="compare",
+    files=(*comparison_page.FILES, MODEL),
+    check=anything_will_do,
+    compute=_compare,
+    write=_write,
+    summary=comparison_page.summary,
+    lost=lambda found: found.refitted.compared.prediction.failed,
+)

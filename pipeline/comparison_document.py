@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from chatter_core.evidence.assessment import Assessment
+from chatter_core.evidence.assessment import Assessment, Limits
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.failures import Failure
+from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score, Told
 from chatter_core.units import si_factor
@@ -89,27 +90,31 @@ def errors(found: Assessment) -> dict[str, Any]:
 
 
 def calibration(found: Assessment) -> dict[str, Any]:
-    """Return the parameters with estimate, interval and pull; logarithms of factors as factors, too."""
-    told, fit = {}, found.refitted.fit
-    for index, parameter in enumerate(fit.parameters):
-        limits = found.intervals[parameter.name]
-        values = {"estimate": float(fit.estimate[index]), "low": limits.low, "high": limits.high}
-        told[parameter.name] = {
-            "unit": parameter.unit or "1",
-            "meaning": parameter.doc,
-            **values,
-            **({"factor": {key: float(np.exp(v)) for key, v in values.items()}} if parameter.unit == "ln" else {}),
-            "interval_by": limits.method,
-            "reason": limits.reason,
-            "pull": float(fit.pull[index]),
-            "at_bound": bool(fit.at_bound[index]),
-        }
-    return told
+    """Return the parameters with estimate, interval and pull, by name."""
+    fit = found.refitted.fit
+    return {p.name: parameter_data(fit, p.name, found.intervals[p.name]) for p in fit.parameters}
+
+
+def parameter_data(fit: Fit, name: str, limits: Limits) -> dict[str, Any]:
+    """Return a fitted parameter with its interval and pull as plain data; the logarithm of a factor as factor, too."""
+    (index,) = (i for i, parameter in enumerate(fit.parameters) if parameter.name == name)
+    parameter = fit.parameters[index]
+    values = {"estimate": float(fit.estimate[index]), "low": limits.low, "high": limits.high}
+    return {
+        "unit": parameter.unit or "1",
+        "meaning": parameter.doc,
+        **values,
+        **({"factor": {key: float(np.exp(v)) for key, v in values.items()}} if parameter.unit == "ln" else {}),
+        "interval_by": limits.method,
+        "reason": limits.reason,
+        "pull": float(fit.pull[index]),
+        "at_bound": bool(fit.at_bound[index]),
+    }
 
 
 def failure_data(failure: Failure) -> dict[str, Any]:
     """Return a failure as plain data."""
-    return {name: _plain(value) for name, value in vars(failure).items()}
+    return {name: plain(value) for name, value in vars(failure).items()}
 
 
 def reliability(found: Assessment) -> list[dict[str, Any]]:
@@ -164,7 +169,7 @@ def _columns(name: str, said: Told) -> dict[str, Any]:
 
 
 def _score(score: Score | None) -> dict[str, Any] | None:
-    return None if score is None else {name: _plain(value) for name, value in vars(score).items()}
+    return None if score is None else {name: plain(value) for name, value in vars(score).items()}
 
 
 def _correlations(found: Assessment) -> list[dict[str, Any]]:
@@ -182,12 +187,12 @@ def _correlations(found: Assessment) -> list[dict[str, Any]]:
     ]
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Return a value as JSON holds it: what is not a number is null."""
     if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items()}
+        return {key: plain(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
+        return [plain(inner) for inner in value]
     if isinstance(value, float | np.floating):
         return float(value) if np.isfinite(value) else None
     return value

@@ -159,10 +159,11 @@ def _key(found: Assessment) -> list[Line2D | Patch]:
 def receptances(found: Assessment) -> Figure:
     """Draw every receptance, measured and predicted, and below how far they are apart, over frequency."""
     measured = found.comparison.model.campaign.receptances
-    rows = -(-len(measured) // COLUMNS)
+    columns = min(COLUMNS, len(measured))
+    rows = -(-len(measured) // columns)
     figure = Figure(figsize=(11.0, 4.2 * rows + 0.6), layout="constrained")
     figure.suptitle("Receptance of the tool tip", fontweight="bold", x=0.01, ha="left")
-    panels = figure.subplots(2 * rows, COLUMNS, squeeze=False, height_ratios=[2.0, 1.0] * rows)
+    panels = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=[2.0, 1.0] * rows)
     above, below = panels[::2].ravel(), panels[1::2].ravel()
     for axes in (*above[len(measured) :], *below[len(measured) :]):
         axes.set_visible(False)

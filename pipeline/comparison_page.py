@@ -1,15 +1,12 @@
 """A comparison for people: a page, and its gist on a terminal."""
 
-import base64
 import math
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, select_autoescape
-
 from chatter_core.evidence.assessment import Assessment
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
-from pipeline import comparison_document, comparison_figures
+from pipeline import comparison_document, comparison_figures, page
 
 CAPTIONS = {
     "lobes": "Boundary of stability as described and as calibrated, with the band in which the latter lies as far as "
@@ -57,9 +54,9 @@ def write(found: Assessment, campaign: str, output: Path) -> list[Path]:
     """Write data, figures and page of a comparison; return the paths."""
     written = comparison_document.write(found, campaign, output)
     pictures = comparison_figures.write(found, output / comparison_figures.FOLDER)
-    page = output / PAGE
-    environment = Environment(loader=PackageLoader("pipeline"), autoescape=select_autoescape())
-    content = environment.get_template("comparison.html").render(
+    page.write(
+        output / PAGE,
+        "comparison.html",
         title=f"Model and measurements: {campaign}",
         subtitle=_measured(found),
         headlines=headlines(found),
@@ -69,9 +66,7 @@ def write(found: Assessment, campaign: str, output: Path) -> list[Path]:
             ("Calibrated", [failure.text for failure in found.refitted.failures]),
             ("As described", [failure.text for failure in found.described.failures]),
         ],
-        figures=[
-            {"caption": CAPTIONS[path.stem], "data": base64.b64encode(path.read_bytes()).decode()} for path in pictures
-        ],
+        figures=page.embedded(pictures, CAPTIONS),
         parameters=_parameter_rows(found),
         reliability=comparison_document.reliability(found),
         coverage=f"{100 * COVERAGE:.0f} %",
@@ -79,8 +74,7 @@ def write(found: Assessment, campaign: str, output: Path) -> list[Path]:
         remarks=found.comparison.model.campaign.remarks,
         fit=found.refitted.fit,
     )
-    page.write_text(content, encoding="utf-8")
-    return [*written, *pictures, page]
+    return [*written, *pictures, output / PAGE]
 
 
 def summary(found: Assessment) -> str:

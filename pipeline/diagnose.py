@@ -2,38 +2,39 @@
 
 from pathlib import Path
 
-from pydantic import Field
-from threadpoolctl import threadpool_limits
+from distributed import Client
 
-from pipeline import diagnosis_page
-from pipeline.campaigns import CampaignOptions, cluster_of, options_of, read
-from pipeline.cluster import open_client
-from pipeline.configuration import EFFECTS, make_folder, sort_words
-from pipeline.diagnosis import check_enough, diagnose
-
-
-class DiagnoseOptions(CampaignOptions):
-    """What ``diagnose`` takes."""
-
-    output: Path | None = Field(default=None, description="folder for the answer")
+from pipeline import diagnosis_page, judging, model_file
+from pipeline.campaigns import Asked
+from pipeline.diagnosis import Diagnosis, check_enough, diagnose, with_pictures
+from pipeline.judging import MODEL, Verb
 
 
 def run(words: list[str]) -> int:
     """Diagnose a campaign and write what was found; return the exit code."""
-    sorted_words = sort_words(words, (*DiagnoseOptions.model_fields, EFFECTS))
-    options = options_of(sorted_words, DiagnoseOptions, "diagnose")
-    assert isinstance(options, DiagnoseOptions)
-    cluster = cluster_of(sorted_words)
-    name = options.campaign.resolve().name
-    output = options.output or Path("results") / f"diagnose-{name}"
-    with threadpool_limits(1):
-        model, belief, content = read(options, sorted_words)
-        check_enough(model)
-        make_folder(output)
-        with open_client(cluster) as client:
-            found = diagnose(client, model, belief, content)
-        written = diagnosis_page.write(found, name, output)
-    print(diagnosis_page.summary(found))
-    for path in written:
-        print(f"written: {path}")
-    return 0
+    return judging.run(VERB, words)
+
+
+def _diagnose(client: Client | None, asked: Asked) -> Diagnosis:
+    return with_pictures(client, diagnose(client, asked.model, asked.belief, asked.content))
+
+
+def _write(found: Diagnosis, asked: Asked, output: Path) -> list[Path]:
+    paths = diagnosis_page.write(found, asked.name, output)
+    model_file.write(output / MODEL, asked.model.campaign.machine, found.supported.fit, found.supported_content)
+    return [*paths, output / MODEL]
+
+
+def _lost(found: Diagnosis) -> int:
+    return found.version(found.supported).compared.prediction.failed
+
+
+VERB = Verb(
+    name="diagnose",
+    files=(*diagnosis_page.FILES, MODEL),
+    check=check_enough,
+    compute=_diagnose,
+    write=_write,
+    summary=diagnosis_page.summary,
+    lost=_lost,
+)

@@ -1,41 +1,37 @@
 """What is missing in a model: every candidate is fitted to a campaign, and one of five answers given."""
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from distributed import Client
 
-from chatter_core.effects import effect_names, variants
+from chatter_core.effects import Effect, effect_names, variants
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, calibrate
-from chatter_core.evidence.assessment import Assessment, curvature, dominant_modes, version
+from chatter_core.evidence.assessment import Assessment, Version, curvature, version
 from chatter_core.evidence.belief import Belief, fitted
-from chatter_core.evidence.boundary import field, setups
-from chatter_core.evidence.candidates import Candidate, Hypothesis, fit_hypothesis, refit
-from chatter_core.evidence.failures import Failure, failures
-from chatter_core.evidence.held_out import groups, held_out, together
+from chatter_core.evidence.candidates import Candidate, Hypothesis, fit_hypothesis, refit, slope_of
+from chatter_core.evidence.held_out import together
 from chatter_core.evidence.next_trial import NextTrial, next_trial
 from chatter_core.evidence.parameters import Array
-from chatter_core.evidence.power import Power, nuisance_slope, power
+from chatter_core.evidence.power import Power, power
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.evidence.ranking import NOTHING, Ranked, rank
 from chatter_core.evidence.scores import Score, cut_scores
-from chatter_core.evidence.verdict import Verdict, decide, failed_checks
+from chatter_core.evidence.verdict import PAIR_GAIN, Verdict, decide, failed_checks
 from pipeline.campaigns import settings_of
 from pipeline.jobs import Job, spread, spread_parts
 from pipeline.model_file import Content
+from pipeline.pieces import held_out_jobs, lobe_jobs
 
 #: Effects that restore what a base model was asked to leave out.
 RESTORING = {"speed_dependent_bearing": "base", "higher_modes": "modes"}
-#: Hypotheses that are judged on cuts held out, beside the base model.
-JUDGED = 1
 #: Second effects that are tried beside the first, the best of them by themselves.
 SECONDS = 4
-#: Setups of the cuts of which lobes are drawn, those with most cuts.
-DRAWN_SETUPS = 2
+#: Verdicts after which the best effect belongs to the model, although others may be tied with it.
+SUPPORTED = ("effect", "ambiguous")
 #: Fewer cuts and responses together than this tell nothing.
 FEWEST_CUTS = 8
 
@@ -45,9 +41,9 @@ class Diagnosis:
     """Everything that a diagnosis found.
 
     base: the model as it was, calibrated; ranking: nothing missing and single effects; pair: the best pair, None
-    where none was tried; powers: of every candidate; left: where a hypothesis still fails, by name; held_out: scores
-    on cuts held out, by name; next_trial: what would part the two best; before_and_after: the base model and the best
-    one, for pictures, None where nothing is missing.
+    where none was tried; powers: of every candidate; judged: the base model and the best ones held against the
+    campaign, by name; held_out: scores on cuts held out, by name; next_trial: what would part the two best;
+    before_and_after: the base model and the best one with their lobes, for pictures, None where nothing is missing.
     """
 
     content: Content
@@ -55,20 +51,37 @@ class Diagnosis:
     ranking: list[Ranked]
     pair: Ranked | None
     powers: list[Power]
-    left: dict[str, list[Failure]]
+    judged: dict[str, Version]
     held_out: dict[str, dict[str, Score]]
     next_trial: NextTrial | None
     verdict: Verdict
-    before_and_after: Assessment | None
+    before_and_after: Assessment | None = None
 
     @property
     def best(self) -> Hypothesis:
         """The hypothesis that the verdict names, or the best supported one; the base model where nothing is missing."""
         if self.verdict.kind in ("none", "underpowered"):
             return self.base
-        if self.pair is not None and self.verdict.missing == tuple(sorted(self.pair.best.names)):
+        if self.pair is not None and self.pair.gain > self.ranking[0].gain + PAIR_GAIN:
             return self.pair.best
         return self.ranking[0].best
+
+    @property
+    def supported(self) -> Hypothesis:
+        """The best hypothesis where effects are named, one or several; else the base model."""
+        return self.best if self.verdict.kind in SUPPORTED else self.base
+
+    @property
+    def supported_content(self) -> Content:
+        """What the supported hypothesis is made of."""
+        content = self.content
+        for candidate in self.supported.candidates:
+            content = content.with_effect(candidate.name, candidate.settings)
+        return content
+
+    def version(self, hypothesis: Hypothesis) -> Version:
+        """Return a hypothesis that was judged as it was held against the campaign."""
+        return self.judged[name_of(hypothesis)]
 
 
 def check_enough(model: CampaignModel) -> None:
@@ -77,18 +90,23 @@ def check_enough(model: CampaignModel) -> None:
     cuts = len(campaign.trials or ()) + len(campaign.limits or ())
     others = (campaign.receptances, campaign.natural_frequencies, campaign.stiffness)
     if cuts < FEWEST_CUTS and not any(others):
-        raise InvalidInput([f"campaign: found {cuts} cuts and nothing else, needed: {FEWEST_CUTS} at least"])
+        raise InvalidInput(
+            [
+                f"campaign: found {cuts} cut{'s' if cuts > 1 else ''} and nothing else that was measured; needed to "
+                f"judge a model by: {FEWEST_CUTS} cuts, or a receptance, natural frequency or bearing stiffness"
+            ]
+        )
 
 
 def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
     """Return every effect that the model lacks and that can act on its machine, in all its variants."""
     found = []
-    for name in effect_names():
+    for name in effect_names(content.effects_path):
         restores = RESTORING.get(name)
         kept = {"base": content.base == "full", "modes": content.modes is None}
         if name in content.effects or (restores is not None and kept[restores]):
             continue
-        for effect in variants(name):
+        for effect in variants(name, content.effects_path):
             try:
                 effect.require(model.campaign.machine)
             except InvalidInput:
@@ -105,29 +123,23 @@ def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
     return found
 
 
-def diagnose(client: Client | None, model: CampaignModel, belief: Belief, content: Content) -> Diagnosis:
-    """Return what is missing in a model."""
-    comparison = Comparison(model=model)
-    (fit,) = spread(
-        client, [Job(name="base model", call=partial(calibrate, comparison, start=belief.about(model).estimate))]
-    )
-    base = Hypothesis(candidates=(), comparison=comparison, fit=fit)
-    candidates = candidates_of(model, content)
-    singles = spread(
-        client, [Job(name=str(one), call=partial(fit_hypothesis, comparison, [one], base)) for one in candidates]
-    )
-    ranking = rank(base, singles)
-    if ranking[0].name != NOTHING:
-        # The base model gets the same chance to arrive as what is held against it.
-        base = refit(base, ranking[0].best.fit)
-        ranking = rank(base, singles)
-    left = {one.name: _left(one.best) for one in ranking[: JUDGED + 1]} | {NOTHING: _left(base)}
-    pair = _pair(client, base, ranking, left)
+def diagnose(
+    client: Client | None, model: CampaignModel, belief: Belief, content: Content, start: Belief | None = None
+) -> Diagnosis:
+    """Return what is missing in a model.
+
+    belief: what is known of its parameters before the campaign; start: where calibrations with all data start, there
+    unless something better is known.
+    """
+    comparison, candidates = Comparison(model=model), candidates_of(model, content)
+    known = (start or belief).about(model).estimate
+    (fit,) = spread(client, [Job(name="base model", call=partial(calibrate, comparison, start=known))])
+    base, ranking = _ranking(client, Hypothesis(candidates=(), comparison=comparison, fit=fit), candidates)
+    judged = {name: _judged(one) for name, one in {NOTHING: base, ranking[0].name: ranking[0].best}.items()}
+    pair = _pair(client, base, ranking, judged)
     if pair is not None:
-        left[pair.name] = _left(pair.best)
+        judged[pair.name] = _judged(pair.best)
     powers = _powers(client, base, candidates)
-    verdict = decide(ranking, pair, powers, left)
-    judged = [base, *([pair.best] if pair else []), *(one.best for one in ranking if one.name != NOTHING)][: JUDGED + 1]
     first, second = (one.best for one in ranking[:2]) if len(ranking) > 1 else (base, base)
     found = Diagnosis(
         content=content,
@@ -135,35 +147,44 @@ def diagnose(client: Client | None, model: CampaignModel, belief: Belief, conten
         ranking=ranking,
         pair=pair,
         powers=powers,
-        left=left,
-        held_out=_held_out(client, judged, belief.about(model).estimate),
+        judged=judged,
+        held_out={},
         next_trial=next_trial(first, second),
-        verdict=verdict,
-        before_and_after=None,
+        verdict=decide(ranking, pair, powers, {name: one.failures for name, one in judged.items()}),
     )
-    return found if found.best is base else replace(found, before_and_after=_before_and_after(client, base, found.best))
+    return replace(found, held_out=_held_out(client, _told_of_others(found), belief))
 
 
-def _before_and_after(client: Client | None, base: Hypothesis, best: Hypothesis) -> Assessment:
-    """Return the base model and a better one side by side."""
-    hypotheses = {"Calibrated base model": base, f"With {name_of(best)}": best}
-    kinds = range(min(len(setups(base.comparison.model)), DRAWN_SETUPS))
-    fields = spread_parts(
-        client,
-        {
-            title: [
-                Job(name="lobes", call=partial(field, one.comparison.model, fitted(one.fit), kind)) for kind in kinds
-            ]
-            for title, one in hypotheses.items()
-        },
-    )
-    before, after = (
-        version(title, one.comparison, one.fit, fitted(one.fit), fields[title]) for title, one in hypotheses.items()
-    )
+def _ranking(
+    client: Client | None, base: Hypothesis, candidates: Sequence[Candidate]
+) -> tuple[Hypothesis, list[Ranked]]:
+    """Return the base model and the ranking of nothing missing and single effects."""
+    fitted_with = partial(fit_hypothesis, base.comparison, nested=base, slope=slope_of(base))
+    singles = spread(client, [Job(name=str(one), call=partial(fitted_with, [one])) for one in candidates])
+    ranking = rank(base, singles)
+    if ranking[0].name == NOTHING:
+        return base, ranking
+    # The best is fitted to its end, and the base model gets the same chance to arrive as what is held against it.
+    best = ranking[0].best
+    jobs = [
+        Job(name=f"{one.name or 'base model'}, once more", call=partial(refit, one, best.fit)) for one in (best, base)
+    ]
+    polished, base = spread(client, jobs)
+    return base, rank(base, [polished if one is best else one for one in singles])
+
+
+def side_by_side(
+    client: Client | None, before: tuple[Hypothesis, Version], after: tuple[Hypothesis, Version]
+) -> Assessment:
+    """Return two hypotheses that were judged side by side, with their lobes."""
+    parts = {"before": before, "after": after}
+    jobs = {name: lobe_jobs(one.comparison.model, told.belief, f"lobes {name}") for name, (one, told) in parts.items()}
+    fields = spread_parts(client, jobs)
+    best, told = after
     return Assessment(
         comparison=best.comparison,
-        described=before,
-        refitted=after,
+        described=replace(before[1], fields=fields["before"]),
+        refitted=replace(told, fields=fields["after"]),
         held_out=None,
         held_out_scores={},
         held_out_groups=0,
@@ -171,27 +192,33 @@ def _before_and_after(client: Client | None, base: Hypothesis, best: Hypothesis)
     )
 
 
-def _left(hypothesis: Hypothesis) -> list[Failure]:
-    """Return where a hypothesis still fails."""
-    comparison = hypothesis.comparison
-    compared = comparison.compare(hypothesis.fit.estimate)
-    modes = dominant_modes(comparison.model, compared.prediction).astype(float)
-    return failures(comparison.model.campaign, compared, modes, hypothesis.fit)
+def with_pictures(client: Client | None, found: Diagnosis) -> Diagnosis:
+    """Return a diagnosis with the lobes of the base model and of the best one, where that is another."""
+    if found.best is found.base:
+        return found
+    pair = [(one, found.version(one)) for one in (found.base, found.best)]
+    return replace(found, before_and_after=side_by_side(client, *pair))
+
+
+def _judged(hypothesis: Hypothesis) -> Version:
+    """Return a hypothesis held against the campaign; lobes are for those that are drawn."""
+    title = f"With {hypothesis.name.replace('_', ' ')}" if hypothesis.name else "Calibrated base model"
+    return version(title, hypothesis.comparison, hypothesis.fit, fitted(hypothesis.fit), ())
 
 
 def _pair(
-    client: Client | None, base: Hypothesis, ranking: Sequence[Ranked], left: dict[str, list[Failure]]
+    client: Client | None, base: Hypothesis, ranking: Sequence[Ranked], judged: Mapping[str, Version]
 ) -> Ranked | None:
     """Return the best pair with the first of the ranking, None where that one suffices or nothing is missing."""
     first = ranking[0]
-    if first.name == NOTHING or not failed_checks(left[first.name]):
+    if first.name == NOTHING or not failed_checks(judged[first.name].failures):
         return None
     seconds = [one for one in sorted(ranking, key=lambda one: -one.gain) if one.name not in (NOTHING, first.name)]
-    own = first.best.candidates
+    fitted_with = partial(fit_hypothesis, base.comparison, nested=first.best, slope=slope_of(first.best))
     jobs = [
         Job(
             name=f"{first.name} and {one.name}",
-            call=partial(fit_hypothesis, base.comparison, [*own, *one.best.candidates], first.best),
+            call=partial(fitted_with, [*first.best.candidates, *one.best.candidates]),
         )
         for one in seconds[:SECONDS]
     ]
@@ -200,48 +227,36 @@ def _pair(
 
 
 def _powers(client: Client | None, base: Hypothesis, candidates: Sequence[Candidate]) -> list[Power]:
-    slope = nuisance_slope(base)
+    slope = slope_of(base)
     return spread(client, [Job(name=f"power for {one}", call=partial(power, base, one, slope)) for one in candidates])
 
 
-def _held_out(client: Client | None, hypotheses: Sequence[Hypothesis], start: Array) -> dict[str, dict[str, Score]]:
-    """Return the scores on cuts held out, by the names of the hypotheses."""
+def _told_of_others(found: Diagnosis) -> list[Hypothesis]:
+    """Return the hypotheses that are judged on cuts held out: the base model, and the best or else the first effect."""
+    effects = [one.best for one in found.ranking if one.name != NOTHING]
+    return [found.base, *([found.best] if found.best is not found.base else effects[:1])]
+
+
+def _held_out(client: Client | None, hypotheses: Sequence[Hypothesis], belief: Belief) -> dict[str, dict[str, Score]]:
+    """Return the scores on cuts held out, by the names of the hypotheses.
+
+    belief: what was known before the campaign.
+    """
     campaign = hypotheses[0].comparison.model.campaign
-    count = groups(campaign)
-    jobs = [
-        Job(
-            name=f"cuts held out, group {group + 1}", call=partial(held_out, one.comparison, _before(one, start), group)
-        )
-        for one in hypotheses
-        for group in range(count)
-    ]
-    answers = iter(spread(client, jobs))
-    parts = {name_of(one): [next(answers) for _ in range(count)] for one in hypotheses}
+    jobs = {name_of(one): held_out_jobs(one.comparison, _before(one, belief)) for one in hypotheses}
+    parts = spread_parts(client, jobs)
     return {name: cut_scores(campaign, together(said)) for name, said in parts.items() if said}
 
 
-def _before(hypothesis: Hypothesis, start: Array) -> Array:
-    """Return where calibrations without some cuts start: as before the campaign, but for the sizes of effects.
-
-    start: (parameter,) of the base model.
-    """
-    known = dict(zip((p.name for p in hypothesis.comparison.parameters), hypothesis.fit.estimate, strict=True))
-    new = {p.name for candidate in hypothesis.candidates for p in candidate.term.parameters}
-    names = [p.name for p in hypothesis.comparison.parameters]
-    own = iter(start)
-    return np.array([known[name] if name in new else next(own) for name in names])
+def _before(hypothesis: Hypothesis, belief: Belief) -> Array:
+    """Return where calibrations without some cuts start: as before the campaign, but for effects not known then."""
+    model = hypothesis.comparison.model
+    new = {p.name for term in model.terms if isinstance(term, Effect) for p in term.parameters} - set(belief.names)
+    names = [parameter.name for parameter in model.parameters]
+    pairs = zip(names, hypothesis.fit.estimate, belief.about(model).estimate, strict=True)
+    return np.array([found if name in new else before for name, found, before in pairs])
 
 
 def name_of(hypothesis: Hypothesis) -> str:
     """Return the name of a hypothesis, as the ranking has it."""
-    return " + ".join(sorted(hypothesis.names)) or NOTHING
-
-
-def finite(value: float) -> float | None:
-    """Return a number as JSON holds it."""
-    return float(value) if math.isfinite(value) else None
-
-
-def outcome_error(scores: dict[str, Score] | None) -> float | None:
-    """Return the balanced outcome error among scores, None where none is known."""
-    return None if scores is None or "outcome" not in scores else finite(np.float64(scores["outcome"].value))
+    return hypothesis.name or NOTHING

@@ -8,20 +8,30 @@ import pandas as pd
 
 from chatter_core.evidence.assessment import curvature
 from chatter_core.evidence.candidates import Hypothesis
+from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.power import ENOUGH
 from chatter_core.evidence.ranking import NOTHING, Ranked
-from chatter_core.evidence.scores import COVERAGE, ERRORS
+from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
 from chatter_core.units import si_factor
-from pipeline.comparison_document import failure_data, measured
-from pipeline.diagnosis import Diagnosis, outcome_error
+from pipeline.comparison_document import failure_data, measured, parameter_data, plain
+from pipeline.diagnosis import Diagnosis
+
+#: Files.
+DOCUMENT, POWER = "diagnosis.json", "power.csv"
+#: Why intervals are of the curvature alone.
+NOT_PROFILED = "not profiled: a diagnosis fits too many models"
 
 
-def write(found: Diagnosis, campaign: str, output: Path) -> list[Path]:
-    """Write diagnosis.json and power.csv; return the paths."""
-    paths = [output / "diagnosis.json", output / "power.csv"]
-    paths[0].write_text(json.dumps(document(found, campaign), indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    power_table(found).to_csv(paths[1], index=False, float_format="%.4g")
-    return paths
+def write(told: dict[str, Any], path: Path) -> Path:
+    """Write a diagnosis as ``document`` has it; return the path."""
+    path.write_text(json.dumps(told, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    return path
+
+
+def write_power(found: Diagnosis, path: Path) -> Path:
+    """Write the table of what the campaign could have shown; return the path."""
+    power_table(found).to_csv(path, index=False, float_format="%.4g")
+    return path
 
 
 def document(found: Diagnosis, campaign: str) -> dict[str, Any]:
@@ -36,8 +46,8 @@ def document(found: Diagnosis, campaign: str) -> dict[str, Any]:
         "pair": None if found.pair is None else ranked_data(found, found.pair),
         "calibration": parameters_of(found.base, set()),
         "coverage_of_intervals": COVERAGE,
-        "where_it_fails": [failure_data(failure) for failure in found.left[NOTHING]],
-        "still_fails": [failure_data(failure) for failure in _still(found)],
+        "where_it_fails": [failure_data(failure) for failure in found.judged[NOTHING].failures],
+        "still_fails": [failure_data(failure) for failure in found.version(found.best).failures],
         "errors": errors(found),
         "next_trial": next_trial_data(found),
         "power": power_table(found).to_dict(orient="records"),
@@ -68,26 +78,23 @@ def ranked_data(found: Diagnosis, one: Ranked) -> dict[str, Any]:
 def effect_parameters(hypothesis: Hypothesis, effect: str) -> dict[str, Any]:
     """Return the parameters of one effect by their own names, with intervals."""
     own = [p.name for c in hypothesis.candidates if c.name == effect for p in c.term.parameters]
-    return {name.removeprefix(f"{effect}."): _parameter(hypothesis, name) for name in own}
+    return {name.removeprefix(f"{effect}."): _parameter(hypothesis.fit, name) for name in own}
 
 
 def parameters_of(hypothesis: Hypothesis, without: set[str]) -> dict[str, Any]:
     """Return the parameters of a hypothesis by name, but for some."""
     names = [parameter.name for parameter in hypothesis.fit.parameters]
-    return {name: _parameter(hypothesis, name) for name in names if name not in without}
+    return {name: _parameter(hypothesis.fit, name) for name in names if name not in without}
 
 
-def _parameter(hypothesis: Hypothesis, name: str) -> dict[str, Any]:
-    fit = hypothesis.fit
-    index = [parameter.name for parameter in fit.parameters].index(name)
-    limits = curvature(fit, name, "")
-    return {
-        "unit": fit.parameters[index].unit or "1",
-        "estimate": float(fit.estimate[index]),
-        "low": limits.low,
-        "high": limits.high,
-        "pull": float(fit.pull[index]),
-    }
+def _parameter(fit: Fit, name: str) -> dict[str, Any]:
+    return parameter_data(fit, name, curvature(fit, name, NOT_PROFILED))
+
+
+def outcome_error(scores: dict[str, Score] | None) -> float | None:
+    """Return the balanced outcome error among scores, None where none is known."""
+    found: float | None = None if scores is None or "outcome" not in scores else plain(scores["outcome"].value)
+    return found
 
 
 def errors(found: Diagnosis) -> dict[str, Any]:
@@ -138,9 +145,3 @@ def power_table(found: Diagnosis) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
-
-
-def _still(found: Diagnosis) -> list[Any]:
-    """Return where the best hypothesis still fails."""
-    name = " + ".join(sorted(found.best.names)) or NOTHING
-    return found.left.get(name, [])

@@ -1,14 +1,13 @@
 """A diagnosis for people: a page, and its gist on a terminal."""
 
-import base64
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, select_autoescape
-
 from chatter_core.evidence.ranking import NOTHING
-from pipeline import diagnosis_document, diagnosis_figures
-from pipeline.diagnosis import Diagnosis, outcome_error
+from pipeline import diagnosis_document, diagnosis_figures, page
+from pipeline.diagnosis import Diagnosis
+from pipeline.diagnosis_document import outcome_error
 
+PAGE, FOLDER = "report.html", "figures"
 CAPTIONS = {
     "ranking": "Probability of each effect and of nothing missing, and the evidence for it.",
     "lobes": "Boundary of stability and measured cuts, by the calibrated base model and with what is missing.",
@@ -18,27 +17,34 @@ CAPTIONS = {
     "power": "What an effect of usual size would have left in these measurements. What ends before the dashed line "
     "could not have been told.",
 }
+#: Everything that there may be to write.
+FILES = (
+    diagnosis_document.DOCUMENT,
+    diagnosis_document.POWER,
+    *(f"{FOLDER}/{name}.png" for name in CAPTIONS),
+    PAGE,
+)
 #: Effects that are told on a terminal.
 TOLD = 5
 
 
 def write(found: Diagnosis, campaign: str, output: Path) -> list[Path]:
     """Write data, figures and page of a diagnosis; return the paths."""
-    written = diagnosis_document.write(found, campaign, output)
-    pictures = diagnosis_figures.write(found, output / "figures")
     document = diagnosis_document.document(found, campaign)
-    environment = Environment(loader=PackageLoader("pipeline"), autoescape=select_autoescape())
-    page = output / "report.html"
-    content = environment.get_template("diagnosis.html").render(
+    written = [
+        diagnosis_document.write(document, output / diagnosis_document.DOCUMENT),
+        diagnosis_document.write_power(found, output / diagnosis_document.POWER),
+    ]
+    pictures = diagnosis_figures.write(found, output / FOLDER)
+    page.write(
+        output / PAGE,
+        "diagnosis.html",
         title=f"What is missing: {campaign}",
         document=document,
         rows=ranking_rows(found),
-        figures=[
-            {"caption": CAPTIONS[path.stem], "data": base64.b64encode(path.read_bytes()).decode()} for path in pictures
-        ],
+        figures=page.embedded(pictures, CAPTIONS),
     )
-    page.write_text(content, encoding="utf-8")
-    return [*written, *pictures, page]
+    return [*written, *pictures, output / PAGE]
 
 
 def ranking_rows(found: Diagnosis) -> list[list[str]]:

@@ -17,10 +17,11 @@ from chatter_core.evidence.identified_tip import FREQUENCY_ERROR, GAIN_ERROR, Id
 from chatter_core.evidence.identify import MOST_MODES, SEARCH
 from chatter_core.evidence.measured import Receptance
 from chatter_core.machine import Machine, TipMode
-from chatter_core.reading import sentences, shown
+from chatter_core.reading import sentences
 from chatter_core.tip import AXES
 from chatter_core.units import si_factor
 from pipeline import identify_figure
+from pipeline.campaigns import remarks
 from pipeline.configuration import Words, compose_settings, make_folder, sort_words
 
 #: What a machine needs beside its tip; nothing of it shows in a receptance.
@@ -176,8 +177,7 @@ def _read(options: IdentifyOptions, words: Words) -> tuple[Responses | Campaign,
 
 def _of_the_reader(measured: Responses | Campaign) -> list[str]:
     """Return what is to be told of the files before anything is identified."""
-    told = [f"remark: {remark}" for remark in measured.remarks]
-    told += [f"unknown column, not used: {shown(column)}" for column in measured.unknown_columns]
+    told = remarks(measured)
     told += [f"left out: {r}, a cross receptance" for r in measured.receptances if not r.is_direct]
     told += [f"left out: {r}, its line at 0 Hz" for r in measured.receptances if r.is_direct and not r.frequency[0]]
     return [*told, ""] if told else []

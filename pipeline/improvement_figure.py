@@ -1,33 +1,45 @@
-"""The falling error, version by version of a model."""
+"""The errors of a model, version by version."""
 
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from chatter_core.evidence.scores import ERRORS
+from pipeline.comparison_page import NAMES, PER_CENT
 from pipeline.figures import COLOURS
 
-#: Quantities that are drawn: column, label, factor.
-SHOWN = (
-    ("outcome", "cuts told wrongly, balanced [%]", 100.0),
-    ("chatter_frequency", "chatter frequency, median error [Hz]", 1.0),
-    ("receptance", "receptance, relative error [%]", 100.0),
-)
+#: Quantities that are drawn, as far as they were measured: all whose errors have a meaning by themselves.
+SHOWN = tuple(name for name in ERRORS if name != "log_loss")
+#: Panels in a row.
+COLUMNS = 3
+#: On which data an error is: columns of the table, colour and words.
+KINDS = (("in_sample", COLOURS[0], "on the data of the fit"), ("held_out", COLOURS[1], "on cuts held out"))
 
 
 def history(table: pd.DataFrame) -> Figure:
     """Draw the errors of every version of the model, on the data that it was fitted to and on cuts held out."""
-    shown = [one for one in SHOWN if f"{one[0]}_in_sample" in table]
-    figure = Figure(figsize=(4.2 * max(len(shown), 1) + 1.0, 4.2), layout="constrained")
-    figure.suptitle("The falling error", fontweight="bold", x=0.01, ha="left")
-    panels = figure.subplots(1, max(len(shown), 1), squeeze=False)[0]
-    for axes, (name, label, factor) in zip(panels, shown, strict=False):
-        for colour, kind, words in ((COLOURS[0], "in_sample", "in sample"), (COLOURS[1], "held_out", "held out")):
-            if f"{name}_{kind}" in table:
-                values = factor * table[f"{name}_{kind}"]
-                axes.plot(table["step"], values, "o-", color=colour, label=words)
-        axes.set_xticks(table["step"], [text.replace("_", " ").replace(" + ", "\n+ ") for text in table["effect"]])
-        axes.tick_params(axis="x", labelrotation=20)
-        axes.set_ylim(bottom=0.0)
-        axes.set_ylabel(label)
-        axes.grid(alpha=0.3)
-    panels[0].legend(frameon=False)
+    shown = [name for name in SHOWN if f"{name}_in_sample" in table]
+    rows, columns = -(-len(shown) // COLUMNS), min(len(shown), COLUMNS)
+    figure = Figure(figsize=(11.0, 3.6 * rows + 0.8), layout="constrained")
+    figure.suptitle("Error of each version of the model", fontweight="bold", x=0.01, ha="left")
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, name in zip(panels, shown, strict=False):
+        _errors(axes, table, name)
+    for axes in panels[len(shown) :]:
+        axes.set_visible(False)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(KINDS), frameon=False)
     return figure
+
+
+def _errors(axes: Axes, table: pd.DataFrame, name: str) -> None:
+    factor, unit = (100.0, "%") if name in PER_CENT else (1.0, "Hz")
+    for kind, colour, words in KINDS:
+        if f"{name}_{kind}" in table:
+            axes.plot(table["step"], factor * table[f"{name}_{kind}"], "o-", color=colour, label=words)
+    labels = [text.replace("_", " ").replace(" + ", "\n+ ") for text in table["effect"]]
+    axes.set_xticks(table["step"], labels, rotation=25, ha="right", rotation_mode="anchor", fontsize="small")
+    axes.set_xlim(-0.3, len(table) - 0.7)
+    axes.set_ylim(bottom=0.0)
+    axes.set_ylabel(f"{NAMES[name]} [{unit}]")
+    axes.grid(alpha=0.3)

@@ -10,14 +10,14 @@ import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from chatter_core.effects import effect_class
+from chatter_core.effects import effect_class, effect_names
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.machine import Machine
 from chatter_core.reading import load_yaml, sentences, shown
-from pipeline.settings import differing_keys
+from pipeline.settings import differing_keys, own_digests
 
 HEAD = """# A calibrated model: the machine that it belongs to, effects, and parameters as they were fitted.
 # Logarithms of factors have the unit ln. Give it to compare or predict as model=FILE.
@@ -34,11 +34,15 @@ DIGITS, CORRELATION_DIGITS = 8, 5
 
 @dataclass(frozen=True, kw_only=True)
 class Content:
-    """What a model is made of: its base, the modes of each axis that this keeps, and effects with their settings."""
+    """What a model is made of: its base, the modes of each axis that this keeps, and effects with their settings.
+
+    effects_path: folder of the user's own effects, as the command line named it; a file never does.
+    """
 
     base: Literal["full", "static_bearing"] = "full"
     modes: int | None = None
     effects: dict[str, dict[str, Any]] = dataclass_field(default_factory=dict)
+    effects_path: Path | None = None
 
     def with_effect(self, name: str, settings: dict[str, Any]) -> "Content":
         """Return the same with one effect more."""
@@ -64,6 +68,9 @@ class ModelFile(BaseModel):
     base: Literal["full", "static_bearing"] = Field(default="full", description="what the base model holds")
     modes: int | None = Field(default=None, ge=1, le=100, description="modes of each axis that the base model keeps")
     effects: dict[str, dict[str, Any]] = Field(description="effects beyond the base model, each with its settings")
+    own_effects: dict[str, str] = Field(
+        default={}, description="of the user's own among them, digests of the files that were fitted"
+    )
     parameters: tuple[FittedParameter, ...] = Field(max_length=1000, description="fitted parameters")
     correlation: tuple[tuple[float, ...], ...] = Field(description="how they correlate, a row for each")
     machine: Machine = Field(description="the machine as described, that the parameters belong to")
@@ -78,24 +85,9 @@ class ModelFile(BaseModel):
             raise ValueError("correlation: the matrix must be symmetric and have no negative eigenvalue")
         return self
 
-    @model_validator(mode="after")
-    def _effects_are_known(self) -> Self:
-        for name, settings in self.effects.items():
-            try:
-                kind = effect_class(name)
-                known = [setting.name for setting in kind.settings]
-                if sorted(settings) != sorted(known):
-                    needed = ", ".join(known) or "none"
-                    raise InvalidInput([f"effects.{name}: found {', '.join(settings) or 'none'}; needed: {needed}"])
-                kind(**settings)
-            except InvalidInput as error:
-                raise ValueError("; ".join(error.problems)) from None
-        return self
-
-    @property
-    def content(self) -> Content:
-        """What the model is made of."""
-        return Content(base=self.base, modes=self.modes, effects=self.effects)
+    def content(self, own: Path | None) -> Content:
+        """Return what the model is made of; own: folder of the user's own effects."""
+        return Content(base=self.base, modes=self.modes, effects=self.effects, effects_path=own)
 
     @property
     def belief(self) -> Belief:
@@ -125,6 +117,7 @@ def write(path: Path, machine: Machine, fit: Fit, content: Content) -> None:
         "base": content.base,
         **({"modes": content.modes} if content.modes is not None else {}),
         "effects": content.effects,
+        **({"own_effects": digests} if (digests := own_digests(content.effects, content.effects_path)) else {}),
         "parameters": parameters,
         "correlation": correlation,
         "machine": machine.described(),
@@ -132,15 +125,24 @@ def write(path: Path, machine: Machine, fit: Fit, content: Content) -> None:
     path.write_text(HEAD + yaml.safe_dump(written, sort_keys=False, default_flow_style=None, width=120), "utf-8")
 
 
-def read(path: Path, machine: Machine) -> ModelFile:
+def read(path: Path, machine: Machine, own: Path | None = None) -> ModelFile:
     """Return the model in a file.
 
-    Raises InvalidInput when it cannot be read or belongs to another machine than the campaign's.
+    own: folder of the user's own effects, where it may have some of its effects from.
+
+    Raises InvalidInput when it cannot be read, names an effect that there is not or that was changed since, or belongs
+    to another machine than the campaign's.
     """
     try:
         found = ModelFile.model_validate(load_yaml(path))
     except ValidationError as error:
         raise InvalidInput([f"{path}: {sentence}" for sentence in sentences(error, ModelFile)]) from None
+    problems = [
+        problem for name, settings in found.effects.items() for problem in _effect_problems(name, settings, own)
+    ]
+    problems = problems or _changed_effects(found, own)
+    if problems:
+        raise InvalidInput([f"{path}: {problem}" for problem in problems])
     differing = differing_keys(found.machine.described(), machine.described())
     if differing:
         shown = ", ".join(differing[:6]) + (f" and {len(differing) - 6} more" if len(differing) > 6 else "")
@@ -148,6 +150,34 @@ def read(path: Path, machine: Machine) -> ModelFile:
             [f"{path}: belongs to another machine than the campaign's machine.yaml; they differ in {shown}"]
         )
     return found
+
+
+def _effect_problems(name: str, settings: dict[str, Any], own: Path | None) -> list[str]:
+    """Return what is wrong with an effect of a model file."""
+    if own is None and name not in effect_names():
+        return [
+            f"effects: found {shown(name)}, which the program has not; where it is your own, "
+            "name its folder by effects_path=DIR"
+        ]
+    try:
+        kind = effect_class(name, own)
+        known = [setting.name for setting in kind.settings]
+        if sorted(settings) != sorted(known):
+            return [f"effects.{name}: found {', '.join(settings) or 'none'}; needed: {', '.join(known) or 'none'}"]
+        kind(**settings)
+    except InvalidInput as error:
+        return error.problems
+    return []
+
+
+def _changed_effects(found: ModelFile, own: Path | None) -> list[str]:
+    """Return which of the user's own effects are not any more what was fitted."""
+    now = own_digests(found.effects, own)
+    return [
+        f"effects.{name}: {name}.py was changed since the model was fitted; fit the model again"
+        for name, digest in found.own_effects.items()
+        if now.get(name) != digest
+    ]
 
 
 def belief_of(found: ModelFile, path: Path, model: CampaignModel) -> Belief:

@@ -15,8 +15,8 @@ from chatter_core.evidence.measured import DIRECTIONS, PLANNED, Trials
 from chatter_core.evidence.planned import PlannedCuts, planned_campaign, predict_planned
 from chatter_core.units import si_factor
 from chatter_core.variables import STATUS
-from pipeline.campaigns import CampaignOptions, model_of, options_of, read
-from pipeline.configuration import EFFECTS, make_folder, sort_words
+from pipeline.campaigns import WORDS, CampaignOptions, model_of, options_of, read
+from pipeline.configuration import make_folder, sort_words
 
 
 class PredictOptions(CampaignOptions):
@@ -28,15 +28,15 @@ class PredictOptions(CampaignOptions):
 
 def run(words: list[str]) -> int:
     """Predict planned cuts and write them; return the exit code."""
-    sorted_words = sort_words(words, (*PredictOptions.model_fields, EFFECTS))
+    sorted_words = sort_words(words, (*PredictOptions.model_fields, *WORDS))
     options = options_of(sorted_words, PredictOptions, "predict")
-    assert isinstance(options, PredictOptions)
     _refuse_loss(options)
     with threadpool_limits(1):
-        known, belief, content = read(options, sorted_words)
-        trials, order = planned_trials(options.trials, known.campaign.machine)
-        model = model_of(planned_campaign(known.campaign, trials), content)
-        found = predict_planned(model, belief)
+        asked = read(options, sorted_words)
+        campaign = asked.model.campaign
+        trials, order = planned_trials(options.trials, campaign.machine)
+        model = model_of(planned_campaign(campaign, trials), asked.content)
+        found = predict_planned(model, asked.belief)
     make_folder(options.predictions.parent)
     _write(options.predictions, table(trials, found).iloc[order].to_csv(index=False, float_format="%.8g"))
     failed = int((found.status != STATUS["ok"]).sum())

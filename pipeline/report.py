@@ -1,6 +1,5 @@
 """Tables, figures and the page of a computed study."""
 
-import base64
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,11 +8,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from jinja2 import Environment, PackageLoader, select_autoescape
 
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS, WITH_RESULT
-from pipeline import figures, store, tables
+from pipeline import figures, page, store, tables
 from pipeline.configuration import sort_words
 from pipeline.lobes import crossover_speeds, dominance, most_misjudged, stability_limit
 
@@ -74,9 +72,9 @@ def write(output: Path) -> list[Path]:
     preload = _shown_preload(lobes)
     written = [*tables.write(lobes, output / "tables"), *figures.write(lobes, output / "figures", preload)]
     pictures = [path for path in written if path.suffix == ".png"]
-    page = output / "report.html"
-    page.write_text(_page(lobes, preload, pictures), encoding="utf-8")
-    return [*written, page]
+    place = output / "report.html"
+    _page(place, lobes, preload, pictures)
+    return [*written, place]
 
 
 def _shown_preload(lobes: xr.Dataset) -> float:
@@ -86,19 +84,18 @@ def _shown_preload(lobes: xr.Dataset) -> float:
     return float(own) if own in values else float(values[0])
 
 
-def _page(lobes: xr.Dataset, preload: float, pictures: list[Path]) -> str:
-    environment = Environment(loader=PackageLoader("pipeline"), autoescape=select_autoescape())
+def _page(place: Path, lobes: xr.Dataset, preload: float, pictures: list[Path]) -> None:
     attributes = lobes.attrs
     status = lobes["status"].values
-    return environment.get_template("report.html").render(
+    page.write(
+        place,
+        "report.html",
         title=attributes["title"],
         subtitle=f"{status.size} operating points, computed {attributes['created']}",
         warnings=_warnings(status, lobes["limits_complete"].values),
         findings=_findings(lobes, preload),
         tables=[_limits_table(lobes, preload), _crossover_table(lobes)],
-        figures=[
-            {"caption": CAPTIONS[path.stem], "data": base64.b64encode(path.read_bytes()).decode()} for path in pictures
-        ],
+        figures=page.embedded(pictures, CAPTIONS),
         provenance=_provenance(attributes),
         settings=json.dumps(attributes["settings"], indent=1),
     )

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -202,20 +203,21 @@ class Settings(Part):
             # Without effects nothing is said of them: a study of the base model stays what it was.
             **({"effects": self.effects} if self.effects else {}),
             # Where a user's folder lies is not science; what its files say is.
-            **({"own_effects": self._digests()} if self._digests() else {}),
+            **({"own_effects": digests} if (digests := own_digests(self.effects, self.effects_path)) else {}),
         }
-
-    def _digests(self) -> dict[str, str]:
-        """Return a digest of the Python file of every effect that is on and the user's own."""
-        if self.effects_path is None:
-            return {}
-        found = own_effects(self.effects_path)
-        return {name: own_digest(name, self.effects_path) for name in self.effects if name in found}
 
     def fingerprint(self) -> str:
         """Return a digest of the scientific settings."""
         canonical = json.dumps(self.scientific(), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def own_digests(effects: Iterable[str], own: Path | None) -> dict[str, str]:
+    """Return a digest of the Python file of every one of these effects that is from a user's ``own`` folder."""
+    if own is None:
+        return {}
+    found = own_effects(own)
+    return {name: own_digest(name, own) for name in effects if name in found}
 
 
 def model_with(machine: Machine, effects: dict[str, dict[str, Any]], own: Path | None = None) -> Stages:

@@ -85,7 +85,7 @@ class ChipThicknessPowerLaw(Effect):
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="exponent", unit="", doc="exponent x of the chip thickness in the force",
-            null=1.0, prior_mean=1.0, prior_width=0.2, lower=0.3, upper=1.5, touches="cut",
+            null=1.0, prior_mean=1.0, prior_width=0.25, lower=0.3, upper=1.5, touches="cut",
         ),
     )  # fmt: skip
 

@@ -26,7 +26,7 @@ class CuttingSpeedCoefficient(Effect):
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="exponent", unit="", doc="exponent m of the fall with cutting speed",
-            prior_width=0.15, lower=-1.0, upper=1.0, touches="cut",
+            prior_width=0.3, lower=-1.0, upper=1.0, touches="cut",
         ),
     )  # fmt: skip
 

@@ -28,7 +28,7 @@ class DirectionalAsymmetry(Effect):
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="stiffness_ratio", unit="ln", doc="logarithm of the stiffness in y over what it was",
-            prior_width=0.1, lower=-1.0, upper=1.0,
+            prior_width=0.2, lower=-1.0, upper=1.0,
         ),
     )  # fmt: skip
 

@@ -34,7 +34,7 @@ class DrawbarStiffness(Effect):
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="rotational_compliance_urad_n_m", unit="urad/(N m)", doc="tilt of the faces over moment at 10000 rpm",
-            prior_width=2.0, lower=0.0, upper=1000.0,
+            prior_width=5.0, lower=0.0, upper=1000.0,
         ),
     )  # fmt: skip
 

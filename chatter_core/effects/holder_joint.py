@@ -33,11 +33,11 @@ class HolderJoint(Effect):
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="lateral_compliance_um_n", unit="um/N", doc="shift of the two faces over the force between them",
-            prior_width=0.005, lower=0.0, upper=1.0,
+            prior_width=0.01, lower=0.0, upper=1.0,
         ),
         Parameter(
             name="rotational_compliance_urad_n_m", unit="urad/(N m)", doc="tilt of the two faces over the moment",
-            prior_width=5.0, lower=0.0, upper=1000.0,
+            prior_width=10.0, lower=0.0, upper=1000.0,
         ),
     )  # fmt: skip
 

@@ -27,7 +27,7 @@ class HousingCompliance(Effect):
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="compliance_um_n", unit="um/N", doc="radial compliance of the housing at every seat",
-            prior_width=0.004, lower=0.0, upper=1.0,
+            prior_width=0.01, lower=0.0, upper=1.0,
         ),
     )  # fmt: skip
 

@@ -33,7 +33,7 @@ class ProcessDamping(Effect):
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="coefficient_n_m", unit="N/m", doc="ploughing coefficient C",
-            prior_width=1e5, lower=0.0, upper=1e7, touches="cut",
+            prior_width=3e5, lower=0.0, upper=1e7, touches="cut",
         ),
     )  # fmt: skip
 

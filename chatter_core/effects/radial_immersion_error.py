@@ -27,7 +27,7 @@ class RadialImmersionError(Effect):
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="error", unit="", doc="error of the radial immersion over the nominal one",
-            prior_width=0.05, lower=-0.5, upper=0.5, touches="cut",
+            prior_width=0.1, lower=-0.5, upper=0.5, touches="cut",
         ),
     )  # fmt: skip
 

@@ -27,7 +27,7 @@ class RingExpansion(Effect):
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="growth_um", unit="um", doc="growth of the inner groove's radius at 10000 rpm",
-            prior_width=0.7, lower=0.0, upper=20.0,
+            prior_width=1.5, lower=0.0, upper=20.0,
         ),
     )  # fmt: skip
 

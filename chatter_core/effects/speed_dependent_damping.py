@@ -33,7 +33,7 @@ class SpeedDependentDamping(Effect):
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="change", unit="ln", doc="logarithm of the damping at 10000 rpm over that at standstill",
-            prior_width=0.3, lower=-1.5, upper=1.5,
+            prior_width=0.5, lower=-1.5, upper=1.5,
         ),
     )  # fmt: skip
 

@@ -30,7 +30,7 @@ class ThermalPreload(Effect):
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="rise", unit="", doc="rise of the preload at 10000 rpm, over the preload as set",
-            prior_width=0.5, lower=0.0, upper=10.0,
+            prior_width=1.0, lower=0.0, upper=10.0,
         ),
         Parameter(
             name="exponent", unit="", doc="exponent of speed in the rise",

@@ -32,7 +32,7 @@ class ToolRunout(Effect):
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="runout_um", unit="um", doc="indicator reading: the longest radius less the shortest, all around",
-            prior_width=10.0, lower=0.0, upper=500.0, touches="cut",
+            prior_width=50.0, lower=0.0, upper=500.0, touches="cut",
         ),
         Parameter(
             name="phase_deg", unit="degree", doc="angle of the first tooth behind the offset",

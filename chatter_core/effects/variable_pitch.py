@@ -35,7 +35,7 @@ class VariablePitch(Effect):
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="variation", unit="", doc="widest pitch less the narrowest over the mean pitch",
-            prior_width=0.1, lower=0.0, upper=1.0, touches="cut",
+            prior_width=0.15, lower=0.0, upper=1.0, touches="cut",
         ),
     )  # fmt: skip
 

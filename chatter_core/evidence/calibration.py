@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from chatter_core.evidence.comparison import Comparison
 from chatter_core.evidence.fit import CLIMBED_STARTS, Fit, free_parameters, height, maximise, result
-from chatter_core.evidence.parameters import Array, Parameter, column
+from chatter_core.evidence.newton import SMALLEST_GAIN, Climb
+from chatter_core.evidence.parameters import Array, Parameter, Problem, column
 
 #: Starts lie so many prior widths to both sides of the null, one parameter at a time.
 START_WIDTHS = 2.0
@@ -19,11 +20,18 @@ START_WIDTHS = 2.0
 START_GAIN = 0.3
 
 
-def calibrate(comparison: Comparison, *, start: Array | None = None, fixed: Sequence[str] = ()) -> Fit:
+def calibrate(
+    comparison: Comparison,
+    *,
+    start: Array | None = None,
+    fixed: Sequence[str] = (),
+    smallest_gain: float = SMALLEST_GAIN,
+) -> Fit:
     """Fit a model to a campaign: by what is cheap and sharp, then by what is smooth, then by everything.
 
     start: (parameter,), values that the fit must not end below, such as those of a model that is nested in this
-    one; without it, the nulls. fixed: names of parameters that stay at their start.
+    one; without it, the nulls. fixed: names of parameters that stay at their start. The fit ends where its next step
+    promises less than ``smallest_gain`` [nats].
 
     Raises InvalidInput for an unknown name or a start out of bounds.
 
@@ -31,18 +39,23 @@ def calibrate(comparison: Comparison, *, start: Array | None = None, fixed: Sequ
     """
     own = column(comparison.parameters, "null") if start is None else np.asarray(start, dtype=float)
     free = free_parameters(comparison, fixed, own)
-    displaced = _displaced(comparison.parameters, own, free)
-    starts, spent = [own], 0
-    if comparison.structural is not None:
-        first = maximise(comparison.structural, [own, *displaced], free, smallest_gain=START_GAIN)
-        starts, displaced, spent = [own, first.values], [], first.evaluations
-    # Labels alone are cheap to look at from many starts: their lobes lie elsewhere when a frequency does.
-    most = CLIMBED_STARTS if displaced else 1
-    if comparison.smooth is not None:
-        second = maximise(comparison.smooth, [*starts, *displaced], free, most, START_GAIN)
-        starts, displaced, most, spent = [own, second.values], [], 1, spent + second.evaluations
-    found = maximise(comparison, [*starts, *displaced], free, most)
+    # Labels alone are cheap to look at from many starts too: their lobes lie elsewhere when a frequency does.
+    starts, climbed, spent = [own, *_displaced(comparison.parameters, own, free)], CLIMBED_STARTS, 0
+    for part in (comparison.structural, comparison.smooth, comparison):
+        if part is not None:
+            end, evaluations = _approached(part, starts, free, climbed)
+            starts, climbed, spent = [own, end], 1, spent + evaluations
+    found = maximise(comparison, starts, free, 1, smallest_gain)
     return result(comparison, found, spent, height(comparison, own))
+
+
+def _approached(problem: Problem, starts: Sequence[Array], free: NDArray[np.bool_], climbed: int) -> tuple[Array, int]:
+    """Return the highest place (parameter,) that approaches from the highest of some starts come to; evaluations."""
+    climb = Climb(problem, free)
+    order = np.argsort([climb.posterior(start)[0] for start in starts])[::-1][:climbed]
+    ends = [climb.approach(starts[index], START_GAIN) for index in order]
+    best = max(ends, key=lambda end: climb.posterior(end)[0]) if len(ends) > 1 else ends[0]
+    return best, climb.evaluations
 
 
 def _displaced(parameters: Sequence[Parameter], start: Array, free: NDArray[np.bool_]) -> list[Array]:

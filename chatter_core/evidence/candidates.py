@@ -5,12 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from chatter_core.evidence.calibration import START_GAIN
-from chatter_core.evidence.comparison import Comparison
-from chatter_core.evidence.fit import Fit, free_parameters, height, maximise, result
+from chatter_core.evidence.comparison import Compared, Comparison
+from chatter_core.evidence.fit import Fit, free_parameters, maximise, result
 from chatter_core.evidence.newton import Climb
-from chatter_core.evidence.parameters import Array, Parameter
+from chatter_core.evidence.parameters import Array, Evaluation, Parameter
 from chatter_core.stages import Term
 
 #: Amplitudes at which a fit is started, in widths of their priors; to both sides where they can go there.
@@ -21,6 +22,8 @@ SHAPES = (-1.2, -0.6, 0.0, 0.6, 1.2)
 SMALLEST_PROMISE = 0.3
 #: Of all starts so many of the best are climbed from.
 CLIMBED = 2
+#: What is ranked need not be known better than this [nats].
+LEFT_GAIN = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +63,11 @@ class Hypothesis:
         """Names of the effects."""
         return tuple(candidate.name for candidate in self.candidates)
 
+    @property
+    def name(self) -> str:
+        """Names of the effects in one, however they are listed; empty for the base model."""
+        return " + ".join(sorted(self.names))
+
 
 def extended(base: Comparison, candidates: Sequence[Candidate]) -> Comparison:
     """Return a comparison whose model has some effects more, in the order in which they act along the chain.
@@ -71,33 +79,78 @@ def extended(base: Comparison, candidates: Sequence[Candidate]) -> Comparison:
     return replace(base, model=replace(base.model, terms=terms))
 
 
-def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Hypothesis) -> Hypothesis:
+def slope_of(hypothesis: Hypothesis) -> Array:
+    """Return the derivatives of a fit's information coordinates (coordinate, parameter), in widths of the priors.
+
+    See docs/physics.md#diagnosis.
+    """
+    fit = hypothesis.fit
+    here = hypothesis.comparison.evaluate(fit.estimate)
+    climb = Climb(hypothesis.comparison, ~fit.fixed)
+    return climb.derivatives(fit.estimate, here, np.asarray(fit.standard_deviation))[0]
+
+
+def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Hypothesis, slope: Array) -> Hypothesis:
     """Fit a model with effects, starting from one that is nested in it.
 
-    The last of the candidates is new: it is tried at several strengths and shapes, with everything else as in
-    ``nested``, since a displaced resonance has no slope that would lead to it. Where neither the slope at its
-    null nor any of these promises anything, that is where it stays: the score test of the effect.
+    slope: ``slope_of(nested)``. The last of the candidates is new: it is looked at with several strengths and shapes,
+    since a displaced resonance has no slope that would lead to it, and with everything else where the slope says that
+    it would go. Where neither a step from its null nor any of these promises anything, that is where it stays: the
+    score test of the effect.
 
     See docs/physics.md#diagnosis.
     """
     comparison, new = extended(base, candidates), candidates[-1]
-    own = carried(comparison, nested.fit)
-    free = free_parameters(comparison, (), own)
-    starts = [own, *_starts(comparison, own, new)]
-    climb = Climb(comparison, free)
-    heights = [climb.posterior(start)[0] for start in starts]
-    stayed, promised = climb.stay(own, _deviation(comparison, nested.fit))
-    if promised < SMALLEST_PROMISE and max(heights) <= heights[0]:
-        fit = result(comparison, stayed, climb.evaluations, -np.inf)
-        return Hypothesis(candidates=tuple(candidates), comparison=comparison, fit=fit)
-    best = [starts[index] for index in np.argsort(heights)[::-1][:CLIMBED]]
-    spent = climb.evaluations
-    if comparison.smooth is not None:
-        first = maximise(comparison.smooth, best, free, CLIMBED, START_GAIN)
-        best, spent = [best[0], first.values], spent + first.evaluations
-    found = maximise(comparison, best, free, 1)
-    fit = result(comparison, found, spent, height(comparison, own))
+    own, known = carried(comparison, nested.fit), _in_order(comparison, nested.comparison, slope)
+    added = np.array([parameter in new.term.parameters for parameter in comparison.parameters])
+    climb = Climb(comparison, free_parameters(comparison, (), own))
+    height, at_null = climb.posterior(own)
+    jacobian = known + climb.derivatives(own, at_null, climb.width, added)[0]
+    starts = _starts(comparison, own, new)
+    promised = [climb.promise(own, at_null, jacobian), *_promises(climb, own, starts, known)]
+    likely = [index for index in np.argsort(promised)[::-1][:CLIMBED] if promised[index] >= SMALLEST_PROMISE]
+    ends = [climb.approach([own, *starts][index], START_GAIN, known, added) for index in likely]
+    if all(climb.posterior(end)[0] < height + SMALLEST_PROMISE for end in ends):
+        fit = result(comparison, climb.stay(own, jacobian), climb.evaluations, -np.inf)
+    else:
+        fit = result(comparison, maximise(comparison, ends, climb.free, 1, LEFT_GAIN), climb.evaluations, height)
     return Hypothesis(candidates=tuple(candidates), comparison=comparison, fit=fit)
+
+
+def _promises(climb: Climb, own: Array, starts: Sequence[Array], known: Array) -> list[float]:
+    """Return what each start promises over the null, by itself or once everything else has followed it [nats].
+
+    Where chatter frequencies go then is not foreseen: they jump. So either all data count, and nothing follows, or
+    the smooth ones, and everything does.
+    """
+    height, at_null = climb.posterior(own)
+    smooth = _smooth_rows(at_null)
+    slope = np.where(smooth[:, None], known, 0.0)
+
+    def followed(values: Array, evaluation: Evaluation, reached: float) -> float:
+        unforeseen = evaluation.log_density[evaluation.datum[~smooth]].sum()
+        return reached - float(unforeseen) + climb.promise(values, evaluation, slope)
+
+    rest, found = followed(own, at_null, height), []
+    for start in starts:
+        reached, there = climb.posterior(start)
+        found.append(max(reached - height, followed(start, there, reached) - rest))
+    return found
+
+
+def _smooth_rows(evaluation: Evaluation) -> NDArray[np.bool_]:
+    """Return which coordinates (coordinate,) do not jump when parameters move: all but chatter frequencies."""
+    assert isinstance(evaluation.state, Compared)
+    rows = np.ones(len(evaluation.coordinates), dtype=bool)
+    rows[evaluation.state.coordinates_of.get("chatter_frequency", slice(0))] = False
+    return rows
+
+
+def _in_order(comparison: Comparison, nested: Comparison, slope: Array) -> Array:
+    """Return the slope of a nested model with the columns of another; what it does not know has none."""
+    place = {parameter.name: index for index, parameter in enumerate(nested.parameters)}
+    columns = [place.get(parameter.name, -1) for parameter in comparison.parameters]
+    return np.where(np.array(columns) >= 0, slope[:, columns], 0.0)
 
 
 def refit(hypothesis: Hypothesis, start: Fit) -> Hypothesis:
@@ -140,12 +193,6 @@ def _starts(comparison: Comparison, own: Array, new: Candidate) -> list[Array]:
             starts.append(start)
     # An amplitude that cannot go to one side stays at its null there, and so does the model.
     return [start for start in starts if any(start[place[p.name]] != p.null for p in new.amplitudes)]
-
-
-def _deviation(comparison: Comparison, nested: Fit) -> Array:
-    """Return the standard deviations (parameter,) of the nested fit, and the priors' widths of what is new."""
-    known = {p.name: value for p, value in zip(nested.parameters, nested.standard_deviation, strict=True)}
-    return np.array([known.get(parameter.name, parameter.prior_width) for parameter in comparison.parameters])
 
 
 def _within(parameter: Parameter, value: float) -> float:

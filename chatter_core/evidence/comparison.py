@@ -28,6 +28,15 @@ class Compared:
         """Log-likelihood of each quantity that was measured."""
         return {name: float(found.log_density.sum()) for name, found in self.contributions.items()}
 
+    @property
+    def coordinates_of(self) -> dict[str, slice]:
+        """Which coordinates of an evaluation belong to each quantity."""
+        parts, first = {}, 0
+        for name, found in self.contributions.items():
+            parts[name] = slice(first, first + found.coordinates.size)
+            first += found.coordinates.size
+        return parts
+
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
@@ -86,6 +95,7 @@ class Comparison:
         return Evaluation(
             log_density=np.concatenate([part.log_density for part in parts]),
             coordinates=np.concatenate([part.coordinates.ravel() for part in parts]),
+            score=np.concatenate([part.score.ravel() for part in parts]),
             datum=np.repeat(np.arange(len(each)), each),
             state=compared,
         )
@@ -125,6 +135,7 @@ class Comparison:
             "receptance": Contribution(
                 log_density=np.concatenate([part.log_density for part in parts]),
                 coordinates=np.concatenate([part.coordinates for part in parts]),
+                score=np.concatenate([part.score for part in parts]),
             )
         }
 

@@ -102,17 +102,16 @@ def predict_cuts(
     """
     depth = cuts.axial_depth[setup.points]
 
-    def growth(cut: Indices, offset: Array) -> Array:
-        at = depth[cut] * np.exp(offset)
-        speed, plain = setup.speed_index[cut], np.ones(len(cut))
-        found = critical_multipliers(stages, built, speed, at, method, plain)
+    def growth(speed: Indices, log_depth: Array) -> Array:
+        found = critical_multipliers(stages, built, speed, np.exp(log_depth), method, np.ones(len(speed)))
         # A motion that dies within a period has no logarithm.
         return np.log(np.maximum(np.abs(found), SMALLEST_RADIUS))
 
     if near is None:
-        margin, crossing = margins(growth, len(depth))
+        margin, crossing = margins(growth, setup.speed_index, np.log(depth))
     else:
-        margin, crossing = followed_margins(growth, near.margin[setup.points], near.crossing[setup.points])
+        known = near.margin[setup.points], near.crossing[setup.points]
+        margin, crossing = followed_margins(growth, setup.speed_index, np.log(depth), *known)
     frequency = np.full(len(depth), np.nan)
     heard = np.flatnonzero(cuts.heard[setup.points])
     if len(heard):

@@ -21,6 +21,8 @@ from chatter_core.evidence.scores import Told, told
 GROUPS = 5
 #: Speeds nearer than this to each other are one speed [ln].
 SAME_SPEED = 0.01
+#: Calibrations without some cuts end where the next step promises less [nats]: no prediction hangs on it.
+TRAINED = 0.1
 #: Fewer distinct speeds than this leave nothing to learn from.
 FEWEST_SPEEDS = 3
 
@@ -77,7 +79,7 @@ def held_out(comparison: Comparison, start: Array, group: int) -> Told:
     )
     known = model.named(start)
     before = np.array([known[parameter.name] for parameter in training.model.parameters])
-    found = training.model.named(calibrate(training, start=before).estimate)
+    found = training.model.named(calibrate(training, start=before, smallest_gain=TRAINED).estimate)
     # What the training labels do not tell of, such as a marginal class that only the others have, stays as it was.
     values = np.array([found.get(parameter.name, known[parameter.name]) for parameter in comparison.parameters])
     said = told(comparison, values, model.predict(values))

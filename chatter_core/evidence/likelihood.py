@@ -33,11 +33,13 @@ UNANSWERED = 10.0
 class Contribution:
     """What one quantity says: log density of each datum (datum,), and its information coordinates (datum, coordinate).
 
-    The Gram matrix of the coordinates' derivatives is the expected Fisher information of the data.
+    The Gram matrix of the coordinates' derivatives is the expected Fisher information of the data. score: (datum,
+    coordinate), the derivatives of the log density by the coordinates, of which it is a function.
     """
 
     log_density: Array
     coordinates: Array
+    score: Array
 
 
 def outcome_probabilities(
@@ -78,7 +80,9 @@ def outcome(outcome: NDArray[np.int8], probability: Array) -> Contribution:
     if probability.shape[-1] == 2:
         category = (outcome == OUTCOMES.index("chatter")).astype(np.int8)
     seen = np.take_along_axis(probability, category[:, None].astype(np.intp), axis=-1)[:, 0]
-    return Contribution(log_density=np.log(seen), coordinates=2.0 * np.sqrt(probability))
+    score = np.zeros_like(probability)
+    np.put_along_axis(score, category[:, None].astype(np.intp), 1.0 / np.sqrt(seen)[:, None], axis=-1)
+    return Contribution(log_density=np.log(seen), coordinates=2.0 * np.sqrt(probability), score=score)
 
 
 def frequency_residual(measured: Array, predicted: Array, tooth_passing: Array) -> Array:
@@ -109,10 +113,11 @@ def chatter_frequency(measured: Array, residual: Array, tooth_passing: Array) ->
     normaliser = gammaln(0.5 * (freedom + 1.0)) - gammaln(0.5 * freedom) - 0.5 * np.log(freedom * np.pi)
     nearby = normaliser - np.log(scale) - 0.5 * (freedom + 1.0) * np.log1p((residual / scale) ** 2 / freedom)
     density = np.logaddexp(np.log1p(-elsewhere) + nearby, np.log(elsewhere / tooth_passing))
-    # Expected information of a location: (freedom + 1) / (freedom + 3) over the scale squared, for those that tell
-    # it. Without sign, for the residual changes it where it passes from one line of the motion to the next.
-    size = np.sqrt((1.0 - elsewhere) * (freedom + 1.0) / (freedom + 3.0)) * np.abs(residual) / scale
-    return Contribution(log_density=density, coordinates=size[:, None])
+    # Expected information of a location: (freedom + 1) / (freedom + 3) over the scale squared, for those that tell it.
+    unit = np.sqrt((1.0 - elsewhere) * (freedom + 1.0) / (freedom + 3.0))
+    standard = residual / scale
+    score = -np.exp(np.log1p(-elsewhere) + nearby - density) * (freedom + 1.0) * standard / (freedom + standard**2)
+    return Contribution(log_density=density, coordinates=unit * standard[:, None], score=score[:, None] / unit)
 
 
 def line_errors(value: ComplexArray) -> Array:
@@ -159,7 +164,7 @@ def receptance(measured: ComplexArray, predicted: ComplexArray, independent: flo
     weight = independent / (2.0 * len(residual))
     density = -0.5 * np.abs(residual) ** 2 - np.log(2.0 * np.pi * error**2)
     parts = np.sqrt(weight) * np.stack([residual.real, residual.imag], axis=-1)
-    return Contribution(log_density=weight * density, coordinates=parts)
+    return Contribution(log_density=weight * density, coordinates=parts, score=-parts)
 
 
 def gaussian(residual: Array, error: Array | float) -> Contribution:
@@ -170,7 +175,9 @@ def gaussian(residual: Array, error: Array | float) -> Contribution:
     error = np.broadcast_to(error, residual.shape)
     standard = np.where(np.isnan(residual), UNANSWERED, residual / error)
     return Contribution(
-        log_density=-0.5 * standard**2 - np.log(error) - 0.5 * np.log(2.0 * np.pi), coordinates=standard[:, None]
+        log_density=-0.5 * standard**2 - np.log(error) - 0.5 * np.log(2.0 * np.pi),
+        coordinates=standard[:, None],
+        score=-standard[:, None],
     )
 
 

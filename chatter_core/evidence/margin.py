@@ -2,8 +2,9 @@
 
 The slope of ln|mu| at the cut itself does not tell. Away from the boundary the critical multiplier is often
 that of a mode which the cut hardly drives, flat in depth, until a steeper branch takes over just before the
-limit: ln|mu| over its local slope then is a hundred times the distance, or has the wrong sign. So the crossing is
-bracketed among a few depths around the cut, and found.
+limit: ln|mu| over its local slope then is a hundred times the distance, or has the wrong sign. So crossings are
+bracketed among a few depths around the cuts, and found. Cuts that differ in depth alone lie on one curve, and share
+what is known of it.
 """
 
 from collections.abc import Callable
@@ -15,42 +16,46 @@ from scipy.optimize import elementwise
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Trials and ln(depth / depth of the cut), (point,) each -> ln|mu| (point,), not a number where unknown.
+#: Curves and ln(depth), (point,) each -> ln|mu| (point,), not a number where unknown.
 Growth = Callable[[Indices, Array], Array]
 
-#: ln(depth) around a cut at which ln|mu| is looked at; what lies beyond counts as that far.
-LOOKS = (-0.45, -0.15, 0.0, 0.15, 0.45)
-REACH = LOOKS[-1]
+#: A crossing is looked for so far from a cut in ln(depth); what lies beyond counts as that far.
+REACH = 0.45
+#: ln|mu| is looked at in every cut and REACH beyond the outermost ones, and between so that no gap is wider.
+WIDEST_GAP = 0.25
 #: Crossings are found to this in ln(depth): far less than any outcome curve is wide.
 CROSSING_TOLERANCE = 1e-5
 #: Step in ln(depth) for the slope at a crossing, and how far a crossing may move to be followed.
 SLOPE_STEP, FARTHEST = 1e-3, 0.05
 
 
-def margins(growth: Growth, trials: int) -> tuple[Array, Array]:
-    """Return the margin of each trial and the crossing that it is measured from, (trial,) each, in ln(depth).
+def margins(growth: Growth, curve: Indices, place: Array) -> tuple[Array, Array]:
+    """Return the margin of each cut and the crossing that it is measured from, (cut,) each, in ln(depth).
 
-    The margin is the distance to the nearest crossing, positive where the cut is unstable: ln(depth / limit
-    depth) where the boundary is a single limit. Without a crossing within REACH it is REACH, with its sign,
-    and the crossing is NaN. Both are NaN where ln|mu| of the cut itself is not known.
+    curve, place: (cut,), the curve on which a cut lies and its own ln(depth). The margin is the distance to the
+    nearest crossing, positive where the cut is unstable: ln(depth / limit depth) where the boundary is a single
+    limit. Without a crossing within REACH it is REACH, with its sign, and the crossing, told from the cut, is NaN.
+    Both are NaN where ln|mu| of the cut itself is not known.
 
     See docs/physics.md#margin.
     """
-    every = np.arange(trials)
-    looked = growth(np.tile(every, len(LOOKS)), np.repeat(LOOKS, trials)).reshape(len(LOOKS), trials)
-    own = looked[LOOKS.index(0.0)]
-    crossing = np.full(trials, np.nan)
-    interval, bracketed = _nearest_interval(looked)
-    which = np.flatnonzero(bracketed & np.isfinite(own))
-    if len(which):
-        low = interval[which]
-        crossing[which] = _roots(growth, which, low, looked[low, which], looked[low + 1, which])
+    on, at = _looks(curve, place)
+    looked = growth(on, at)
+    own = looked[_position(on, at, curve, place)]
+    nearest = np.full(len(place), np.nan)
+    for root_curve, root in zip(*_crossings(growth, on, at, looked), strict=True):
+        among = curve == root_curve
+        nearer = among & ~(np.abs(nearest - place) <= np.abs(root - place))
+        nearest[nearer] = root
+    crossing = np.where(np.isfinite(own) & (np.abs(nearest - place) <= REACH), nearest - place, np.nan)
     distance = np.where(np.isnan(crossing), REACH, np.abs(crossing))
     return np.where(np.isnan(own), np.nan, np.where(own > 0.0, distance, -distance)), crossing
 
 
-def followed_margins(growth: Growth, margin: Array, crossing: Array) -> tuple[Array, Array]:
-    """Return margins and crossings (trial,) of a model that hardly differs from one whose are given.
+def followed_margins(
+    growth: Growth, curve: Indices, place: Array, margin: Array, crossing: Array
+) -> tuple[Array, Array]:
+    """Return margins and crossings (cut,) of a model that hardly differs from one whose are given.
 
     A Newton step from each crossing; what had none in reach, or no answer, has none now. For differences
     between neighbouring models, which move a crossing by a few thousandths. Where one moves farther than
@@ -61,46 +66,72 @@ def followed_margins(growth: Growth, margin: Array, crossing: Array) -> tuple[Ar
     known = np.flatnonzero(np.isfinite(crossing))
     if not len(known):
         return margin, crossing
-    before = crossing[known]
-    at, beside = np.split(growth(np.tile(known, 2), np.concatenate([before, before + SLOPE_STEP])), 2)
+    # Cuts that share a crossing tell its place from their own, to the last digit but one.
+    shared, which = np.unique(
+        np.stack([curve[known], np.round(place[known] + crossing[known], 12)]), axis=1, return_inverse=True
+    )
+    on, before = shared[0].astype(np.intp), shared[1]
+    at, beside = np.split(growth(np.tile(on, 2), np.concatenate([before, before + SLOPE_STEP])), 2)
     with np.errstate(divide="ignore", invalid="ignore"):
-        moved = -at * SLOPE_STEP / (beside - at)
-    if not np.all(np.abs(moved) <= FARTHEST):
-        return margins(growth, len(margin))
+        step = -at * SLOPE_STEP / (beside - at)
+    if not np.all(np.abs(step) <= FARTHEST):
+        return margins(growth, curve, place)
+    moved = step[which.ravel()]
     followed, after = margin.copy(), crossing.copy()
-    after[known] = before + moved
+    after[known] += moved
     # The side on which the cut lies changes smoothly when the crossing passes through it.
-    followed[known] = margin[known] + np.where(margin[known] * before > 0.0, moved, -moved)
+    followed[known] += np.where(margin[known] * crossing[known] > 0.0, moved, -moved)
     return followed, after
 
 
-def _nearest_interval(looked: Array) -> tuple[Indices, NDArray[np.bool_]]:
-    """Return the interval between looks (trial,) whose chord crosses zero nearest to the cut, and whether one does."""
-    places = np.array(LOOKS)[:, None]
+def _looks(curve: Indices, place: Array) -> tuple[Indices, Array]:
+    """Return curves and places (look,) at which ln|mu| is looked at, sorted along each curve."""
+    parts = []
+    for one in np.unique(curve):
+        own = np.unique(place[curve == one])
+        stations = np.concatenate([[own[0] - REACH], own, [own[-1] + REACH]])
+        gaps = np.ceil(np.diff(stations) / WIDEST_GAP).astype(int)
+        between = [
+            np.linspace(low, high, count, endpoint=False)
+            for low, high, count in zip(stations[:-1], stations[1:], gaps, strict=True)
+        ]
+        parts.append(np.concatenate([*between, stations[-1:]]))
+    on = np.repeat(np.unique(curve), [len(part) for part in parts])
+    return on, np.concatenate([np.empty(0), *parts])
+
+
+def _position(on: Indices, at: Array, curve: Indices, place: Array) -> Indices:
+    """Return which look (cut,) is that of each cut itself."""
+    first = np.searchsorted(on, curve)
+    count = np.searchsorted(on, curve, side="right") - first
+    return np.array(
+        [
+            start + np.searchsorted(at[start : start + many], own)
+            for start, many, own in zip(first, count, place, strict=True)
+        ],
+        dtype=np.intp,
+    )
+
+
+def _crossings(growth: Growth, on: Indices, at: Array, looked: Array) -> tuple[Indices, Array]:
+    """Return curve and place (crossing,) of all crossings between neighbouring looks."""
     before, after = looked[:-1], looked[1:]
     # Comparisons with NaN are false on both sides: what is not known brackets nothing.
     changes = ((before > 0.0) & (after <= 0.0)) | ((before <= 0.0) & (after > 0.0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        chord = places[:-1] - before * (places[1:] - places[:-1]) / (after - before)
-    distance = np.where(changes, np.abs(chord), np.inf)
-    nearest = distance.argmin(axis=0)
-    return nearest, np.asarray(changes.any(axis=0))
+    low = np.flatnonzero(changes & (on[:-1] == on[1:]))
+    if not len(low):
+        return on[:0], at[:0]
+    ends = iter((looked[low], looked[low + 1]))
 
-
-def _roots(growth: Growth, trials: Indices, low: Indices, at_low: Array, at_high: Array) -> Array:
-    """Return the crossings (root,) in brackets between looks ``low`` and the next; NaN where not found."""
-    ends = iter((at_low, at_high))
-
-    def ask(place: Array, trial: Array) -> Array:
+    def ask(place: Array, which: Array) -> Array:
         """Answer what is known at the ends, which the root finder asks for first, and evaluate the rest."""
         known = next(ends, None)
-        return known if known is not None else growth(trial.astype(np.intp), place)
+        return known if known is not None else growth(which.astype(np.intp), place)
 
-    places = np.array(LOOKS)
     found = elementwise.find_root(
         ask,
-        (places[low], places[low + 1]),
-        args=(trials.astype(float),),
+        (at[low], at[low + 1]),
+        args=(on[low].astype(float),),
         tolerances={"xatol": CROSSING_TOLERANCE, "xrtol": 0.0},
     )
-    return np.where(found.success, found.x, np.nan)
+    return on[low][found.success], np.asarray(found.x)[found.success]

@@ -4,7 +4,10 @@ A step solves (F + 1 + damping diag(F + 1)) d = g in units of the priors' widths
 Fisher information and g the gradient of the log posterior; it is taken when the log posterior rises.
 Unlike least squares on square roots of deviances it has the right curvature for labels and heavy tails.
 
-Source: M. R. Osborne, "Fisher's method of scoring", Int. Stat. Rev. 60 (1992) 99-117.
+Far from the maximum a Jacobian serves for many steps: each of them corrects it by what it showed.
+
+Sources: M. R. Osborne, "Fisher's method of scoring", Int. Stat. Rev. 60 (1992) 99-117; C. G. Broyden, Math. Comput.
+19 (1965) 577-593 (the correction).
 """
 
 from dataclasses import dataclass
@@ -29,6 +32,13 @@ DAMPING, DAMPING_UP, DAMPING_DOWN, DAMPING_MOST, DAMPING_LEAST = 1e-3, 5.0, 0.2,
 #: Lengths at which a step is tried, as long as it rises: where data contradict each other the information is
 #: large and steps are short. The first of all is lengthened when it falls too, to leap over an edge.
 LENGTHS = (1.0, 2.0, 4.0, 8.0)
+#: A step that rises by less than this over its promise is long enough: with a curvature that is 1.6 times too
+#: large it would rise by so much, and twice its length would be no better.
+WORTH_LENGTHENING = 1.35
+#: A coordinate that a step changes by so much more or less than foreseen has jumped [standard deviations].
+MISSED = 3.0
+#: An approach gives up after so many steps in a row that fall.
+FALLS = 3
 #: No step moves a parameter farther than this, in widths of its prior.
 LONGEST_STEP = 2.0
 MOST_STEPS = 40
@@ -84,7 +94,7 @@ class Climb:
             if gain < smallest_gain:
                 reason, converged = f"the next step promises {gain:.2g} nats", True
                 break
-            found = self._climb_once(here, gradient, information, moving, damping)
+            found = self._climb_once(here, gradient, information, moving, damping, smallest_gain)
             if found is None and gain >= ROUGHNESS and stuck is None:
                 # An edge, and a slope that leads beyond it: once, the fit goes on from there.
                 step, _ = _step(gradient, information, moving, 0.0)
@@ -97,7 +107,7 @@ class Climb:
             here, damping = found
             # In a narrow valley steps zigzag: what two of them have in common leads along it.
             if len(before) > 1:
-                here = self._rise(here, here.values - before[-2], eager=False) or here
+                here = self._rise(here, here.values - before[-2]) or here
             before.append(here.values)
             gradient, information = self.slope(here.values, here.evaluation, self.width / np.sqrt(np.diag(information)))
         if stuck is not None and stuck[0].height > here.height:
@@ -105,15 +115,54 @@ class Climb:
             converged, reason = False, "the posterior has an edge, and beyond it is none higher"
         return self._end(here, gradient, information, converged, reason)
 
-    def stay(self, values: Array, deviation: Array) -> tuple[Maximum, float]:
-        """Return values (parameter,) as where a climb ended, and what a step from there would promise [nats].
+    def approach(
+        self, start: Array, smallest_gain: float, known: Array | None = None, added: NDArray[np.bool_] | None = None
+    ) -> Array:
+        """Return values (parameter,) near a maximum, where a step promises less than ``smallest_gain`` [nats].
 
-        deviation: (parameter,), over a share of which differences are taken.
+        known: Jacobian (coordinate, parameter) not far from the start, in units of the priors' widths, of which the
+        columns ``added`` (parameter,) are missing; without it, all are. What is missing is found at the start. The
+        Jacobian is corrected by what every step shows, and found anew where steps fall.
         """
+        here, damping, falls = self._place(np.clip(start, self.lower, self.upper)), DAMPING, 0
+        jacobian = self.derivatives(here.values, here.evaluation, self.width, added)[0]
+        if known is not None:
+            jacobian += known
+        for _ in range(MOST_STEPS):
+            gradient, information = self.expected(here.values, here.evaluation, jacobian)
+            moving = self.free & ~self._held(here.values, gradient)
+            step, gain = _step(gradient, information, moving, damping)
+            if gain < smallest_gain or falls == FALLS:
+                break
+            there = self._aside(here, step * self.width, 1.0)
+            shift = (there.values - here.values) / self.width
+            _correct(jacobian, there.evaluation.coordinates - here.evaluation.coordinates, shift)
+            if there.height > here.height:
+                here, damping, falls = there, max(damping * DAMPING_DOWN, DAMPING_LEAST), 0
+                continue
+            damping, falls = damping * DAMPING_UP, falls + 1
+            if falls == FALLS - 1:
+                jacobian = self.derivatives(here.values, here.evaluation, self.width)[0]
+        return here.values
+
+    def expected(self, values: Array, evaluation: Evaluation, jacobian: Array) -> tuple[Array, Array]:
+        """Return gradient and information of the log posterior, in units of the priors' widths, by a Jacobian."""
+        gradient = jacobian.T @ evaluation.score - (values - self.mean) / self.width
+        return np.where(self.free, gradient, 0.0), jacobian.T @ jacobian + np.eye(len(values))
+
+    def promise(self, values: Array, evaluation: Evaluation, jacobian: Array) -> float:
+        """Return what a step from values (parameter,) promises [nats], no longer than a step may be."""
+        gradient, information = self.expected(values, evaluation, jacobian)
+        step, _ = _step(gradient, information, self.free & ~self._held(values, gradient), 0.0)
+        share = min(1.0, self._room(step * self.width))
+        return float(share * gradient @ step - 0.5 * share**2 * step @ information @ step)
+
+    def stay(self, values: Array, jacobian: Array) -> Maximum:
+        """Return values (parameter,) as where a climb ended; jacobian: (coordinate, parameter) there."""
         here = self._place(values)
-        gradient, information = self.slope(values, here.evaluation, deviation)
-        _, gain = _step(gradient, information, self.free & ~self._held(values, gradient), 0.0)
-        return self._end(here, gradient, information, True, f"the next step promises {gain:.2g} nats"), gain
+        gradient, information = self.expected(values, here.evaluation, jacobian)
+        gain = self.promise(values, here.evaluation, jacobian)
+        return self._end(here, gradient, information, True, f"the next step promises {gain:.2g} nats")
 
     def _end(self, here: "_Place", gradient: Array, information: Array, converged: bool, reason: str) -> Maximum:
         return Maximum(
@@ -135,14 +184,17 @@ class Climb:
         prior = (values - self.mean) / self.width
         return np.where(self.free, gradient - prior, 0.0), information + np.eye(len(values))
 
-    def derivatives(self, values: Array, evaluation: Evaluation, deviation: Array) -> tuple[Array, Array]:
+    def derivatives(
+        self, values: Array, evaluation: Evaluation, deviation: Array, which: NDArray[np.bool_] | None = None
+    ) -> tuple[Array, Array]:
         """Return the derivatives of the coordinates (coordinate, parameter) and of the log-likelihood (parameter,).
 
-        Both in units of the priors' widths; deviation: (parameter,), over a share of which differences are taken.
+        Both in units of the priors' widths; deviation: (parameter,), over a share of which differences are taken;
+        which: (parameter,), by which they are, those that are free if nothing is said. Others are zero.
         """
         gradient = np.zeros(len(values))
         jacobian = np.zeros((len(evaluation.coordinates), len(values)))
-        for index in np.flatnonzero(self.free):
+        for index in np.flatnonzero(self.free if which is None else which):
             size = min(DIFFERENCE_SHARE * deviation[index], LARGEST_DIFFERENCE * self.width[index])
             jacobian[:, index], gradient[index] = self._differences(values, evaluation, int(index), size)
         return jacobian, gradient
@@ -191,22 +243,33 @@ class Climb:
         return self._place(np.clip(values, self.lower, self.upper))
 
     def _climb_once(
-        self, here: "_Place", gradient: Array, information: Array, moving: NDArray[np.bool_], damping: float
+        self,
+        here: "_Place",
+        gradient: Array,
+        information: Array,
+        moving: NDArray[np.bool_],
+        damping: float,
+        smallest_gain: float,
     ) -> "tuple[_Place, float] | None":
-        """Return the next place and its damping; None where every step falls."""
+        """Return the next place and its damping; None where every step falls that promises ``smallest_gain``."""
         eager = True
         while damping <= DAMPING_MOST:
-            step, _ = _step(gradient, information, moving, damping)
-            found = self._rise(here, step * self.width, eager=eager)
+            step, promised = _step(gradient, information, moving, damping)
+            if not eager and promised < smallest_gain:
+                return None
+            found = self._rise(here, step * self.width, enough=WORTH_LENGTHENING * promised, eager=eager)
             if found is not None:
                 return found, max(damping * DAMPING_DOWN, DAMPING_LEAST)
             damping, eager = damping * DAMPING_UP, False
         return None
 
-    def _rise(self, here: "_Place", direction: Array, *, eager: bool) -> "_Place | None":
+    def _rise(
+        self, here: "_Place", direction: Array, *, enough: float = -np.inf, eager: bool = False
+    ) -> "_Place | None":
         """Return the highest place along a direction (parameter,), at lengths that double while they rise.
 
-        ``eager`` tries all lengths until one rises. None where none does.
+        ``enough``: a rise [nats] at the first length that is no more needs no second one; ``eager`` tries all
+        lengths until one rises. None where none does.
         """
         room, best = self._room(direction), None
         for length in LENGTHS:
@@ -215,6 +278,8 @@ class Climb:
             there = self._aside(here, direction, length)
             if there.height > (here.height if best is None else best.height):
                 best = there
+                if length == LENGTHS[0] and best.height - here.height <= enough:
+                    break
             elif best is not None or not eager:
                 break
         return best
@@ -227,6 +292,16 @@ class _Place:
     values: Array
     height: float
     evaluation: Evaluation
+
+
+def _correct(jacobian: Array, difference: Array, shift: Array) -> None:
+    """Correct a Jacobian by a difference of coordinates (coordinate,) over a shift (parameter,), as Broyden does.
+
+    A coordinate that misses by more than MISSED has jumped to where another slope holds, which is not known.
+    """
+    missed = difference - jacobian @ shift
+    jacobian += np.outer(missed, shift) / (shift @ shift)
+    jacobian[np.abs(missed) > MISSED] = 0.0
 
 
 def _step(gradient: Array, information: Array, moving: NDArray[np.bool_], damping: float) -> tuple[Array, float]:

@@ -34,12 +34,13 @@ class Evaluation:
 
     log_density: (datum,); coordinates: (coordinate,), functions of the parameters for which J^T J of their
     Jacobian is the expected Fisher information (residuals over their deviation, 2 sqrt(p) for probabilities);
-    datum: (coordinate,), which datum each belongs to; state: what the problem wants to find again when it
-    evaluates values nearby.
+    score: (coordinate,), the derivatives of the log density by them; datum: (coordinate,), which datum each
+    belongs to; state: what the problem wants to find again when it evaluates values nearby.
     """
 
     log_density: Array
     coordinates: Array
+    score: Array
     datum: NDArray[np.intp]
     state: object = None
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from chatter_core.evidence.candidates import Candidate, Hypothesis, carried, extended
 from chatter_core.evidence.comparison import Compared
-from chatter_core.evidence.newton import Climb
-from chatter_core.evidence.parameters import Array, Evaluation
+from chatter_core.evidence.parameters import Array
 
 #: A chatter frequency tells no more than this, in deviations: it may be that of another branch.
 MOST_OF_A_FREQUENCY = 2.0
@@ -27,21 +26,11 @@ class Power:
     by_quantity: dict[str, float]
 
 
-def nuisance_slope(base: Hypothesis) -> Array:
-    """Return the derivatives of the base model's information coordinates (coordinate, parameter), in prior widths.
-
-    See docs/physics.md#diagnosis.
-    """
-    climb = Climb(base.comparison, ~base.fit.fixed)
-    deviation = np.asarray(base.fit.standard_deviation)
-    return climb.derivatives(base.fit.estimate, base.comparison.evaluate(base.fit.estimate), deviation)[0]
-
-
 def power(base: Hypothesis, candidate: Candidate, slope: Array) -> Power:
     """Return what an effect with amplitudes of one prior width would leave in the campaign.
 
     Half the squared distance that it moves the information coordinates by, as far as the base model's parameters
-    cannot follow, their priors counting as data; slope: their derivatives, as ``nuisance_slope`` has them.
+    cannot follow, their priors counting as data; slope: their derivatives, as ``slope_of`` has them.
 
     See docs/physics.md#diagnosis.
     """
@@ -53,7 +42,8 @@ def power(base: Hypothesis, candidate: Candidate, slope: Array) -> Power:
         raised = min(parameter.null + parameter.prior_width, parameter.upper)
         strong[names.index(parameter.name)] = raised
     moved = comparison.evaluate(strong).coordinates - before.coordinates
-    parts = _quantities(before)
+    assert isinstance(before.state, Compared)
+    parts = before.state.coordinates_of
     if "chatter_frequency" in parts:
         moved[parts["chatter_frequency"]] = np.clip(
             moved[parts["chatter_frequency"]], -MOST_OF_A_FREQUENCY, MOST_OF_A_FREQUENCY
@@ -65,13 +55,3 @@ def power(base: Hypothesis, candidate: Candidate, slope: Array) -> Power:
         nats=float(left.sum()),
         by_quantity={name: float(left[part].sum()) for name, part in parts.items()},
     )
-
-
-def _quantities(evaluation: Evaluation) -> dict[str, slice]:
-    """Return which coordinates belong to each quantity."""
-    parts, first = {}, 0
-    assert isinstance(evaluation.state, Compared)
-    for name, part in evaluation.state.contributions.items():
-        parts[name] = slice(first, first + part.coordinates.size)
-        first += part.coordinates.size
-    return parts

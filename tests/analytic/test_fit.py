@@ -7,8 +7,10 @@ import pytest
 from scipy import integrate, optimize, stats
 
 from chatter_core.errors import InvalidInput, NotConverged
+from chatter_core.evidence import newton
 from chatter_core.evidence.fit import fit, maximise, result
 from chatter_core.evidence.intervals import profile_interval
+from chatter_core.evidence.newton import Climb
 from chatter_core.evidence.parameters import Evaluation, Parameter, log_prior, log_share
 
 
@@ -25,7 +27,7 @@ class Normal:
     def evaluate(self, values, near=None):
         residual = self.residuals(values)
         density = -0.5 * residual**2 - 0.5 * math.log(2.0 * math.pi)
-        return Evaluation(log_density=density, coordinates=residual, datum=np.arange(len(residual)))
+        return Evaluation(log_density=density, coordinates=residual, score=-residual, datum=np.arange(len(residual)))
 
 
 def linear(seed=1):
@@ -96,8 +98,12 @@ class Logistic:
         p = 1.0 / (1.0 + np.exp(-self.design @ values))
         both = np.stack([1.0 - p, p], axis=1)
         density = np.log(np.where(self.labels, p, 1.0 - p))
+        seen = np.stack([~self.labels, self.labels], axis=1) / np.sqrt(both)
         return Evaluation(
-            log_density=density, coordinates=2.0 * np.sqrt(both).ravel(), datum=np.repeat(np.arange(40), 2)
+            log_density=density,
+            coordinates=2.0 * np.sqrt(both).ravel(),
+            score=seen.ravel(),
+            datum=np.repeat(np.arange(40), 2),
         )
 
 
@@ -116,6 +122,51 @@ def test_labels_are_fitted_to_the_maximum_with_the_curvature_that_is_there():
     exact, _ = integrate.dblquad(lambda b, a: math.exp(height(np.array([a, b]))), -4.0, 6.0, -4.0, 8.0, epsabs=1e-20)
     # Laplace's method: of the order of one over the number of data. The prior's unit is its width.
     assert found.log_evidence == pytest.approx(math.log(exact / 4.0), abs=0.1)
+
+
+def counted(problem):
+    """The problem, and the list to which every evaluation adds its values."""
+    asked, evaluate = [], problem.evaluate
+    problem.evaluate = lambda values, near=None: (asked.append(values), evaluate(values, near))[1]
+    return problem, asked
+
+
+@pytest.mark.parametrize("kind", ["linear", "logistic", "bent"])
+def test_an_approach_comes_near_the_maximum_with_one_jacobian(kind):
+    bent = Normal(
+        (parameter("a"), parameter("b")), lambda v: np.array([3.0 * (v[1] - v[0] ** 2), 2.0 - v[0], v[1] - 3.0])
+    )
+    problem, asked = counted({"linear": linear()[0], "logistic": Logistic(), "bent": bent}[kind])
+    free = np.ones(len(problem.parameters), dtype=bool)
+    start = np.zeros(len(free))
+    best = maximise(problem, [start], free)
+    climbed = len(asked)
+    asked.clear()
+    climb = Climb(problem, free)
+    near = climb.approach(start, 0.05)
+    # What a step promises is told by a Jacobian that is not that of the place; a climb follows an approach.
+    assert climb.posterior(near)[0] == pytest.approx(best.log_posterior, abs=1.0)
+    # A climb takes differences by every parameter at every step.
+    assert len(asked) < climbed
+
+
+def test_an_approach_goes_on_with_a_jacobian_that_is_known_and_finds_what_is_missing():
+    (problem, asked), free = counted(linear()[0]), np.ones(3, dtype=bool)
+    climb, start = Climb(problem, free), np.array([0.05, 0.5, -0.2])
+    whole = climb.derivatives(start, problem.evaluate(start), climb.width)[0]
+    last = np.array([False, False, True])
+    asked.clear()
+    near = climb.approach(start, 1e-6, np.where(last, 0.0, whole), last)
+    # The start, one difference, and the two steps that a linear problem may take: the second one tells that it ended.
+    assert len(asked) <= 4
+    assert near == pytest.approx(maximise(problem, [start], free, smallest_gain=1e-9).values, abs=1e-3)
+
+
+def test_what_jumps_in_a_step_has_no_slope_after_it():
+    jacobian = np.array([[1.0, 0.0], [0.0, 2.0], [1.0, 1.0]])
+    newton._correct(jacobian, np.array([0.5, 10.0, 0.7]), np.array([0.5, 0.0]))
+    # The second coordinate was to stay and moved by ten; the third was to move by 0.5, and both slopes share the rest.
+    assert jacobian.tolist() == [[1.0, 0.0], [0.0, 0.0], [pytest.approx(1.4), 1.0]]
 
 
 def test_a_narrow_bent_valley_is_followed_to_its_end():

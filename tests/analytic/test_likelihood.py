@@ -109,6 +109,35 @@ def test_coordinates_of_frequencies_carry_nearly_the_expected_information():
     assert exact < stated < 1.1 * exact
 
 
+def numbers_of(contribution):
+    """Log density, first coordinate and its score of a single datum."""
+    return contribution.log_density[0], contribution.coordinates[0], contribution.score[0]
+
+
+@pytest.mark.parametrize("residual", [-180.0, -9.0, 0.4, 30.0])
+def test_the_score_is_the_slope_of_the_log_density_along_the_coordinates(residual):
+    measured, passing = np.array([600.0]) * HZ, np.array([800.0]) * HZ
+    of_label = [
+        lambda shift, label=label: likelihood.outcome(
+            np.array([label], dtype=np.int8),
+            likelihood.outcome_probabilities(
+                np.array([0.01 + shift]), mislabelled=0.04, width=0.06, marginal_width=0.05
+            ),
+        )
+        for label in (STABLE, MARGINAL, CHATTER)
+    ]
+    kinds = [
+        *of_label,
+        lambda shift: likelihood.chatter_frequency(measured, np.array([(residual + shift) * HZ]), passing),
+        lambda shift: likelihood.gaussian(np.array([residual + shift]), 3.0),
+        lambda shift: likelihood.receptance(np.array([1.0 + 2.0j]), np.array([(0.4 + 0.1j) * (1.0 + shift)]), 0.7),
+    ]
+    for kind in kinds:
+        (before, low, _), (_, _, score), (after, high, _) = (numbers_of(kind(h)) for h in (-1e-5, 0.0, 1e-5))
+        # Central differences over 1e-5: their square, and the rounding of a log density of some units.
+        assert score @ (high - low) == pytest.approx(after - before, rel=1e-6, abs=1e-13)
+
+
 def lorentzian(frequency, natural, damping):
     return 1.0 / (1.0 - (frequency / natural) ** 2 + 2j * damping * frequency / natural)
 

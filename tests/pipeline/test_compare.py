@@ -1,7 +1,6 @@
 """The commands ``compare`` and ``predict``: from a campaign's folder to numbers, pictures, a page and a model."""
 
 import csv
-import errno
 import json
 import os
 import shutil
@@ -24,7 +23,6 @@ from chatter_core.evidence.likelihood import balanced_error
 from chatter_core.evidence.measured import OUTCOMES
 from pipeline import comparison_figures, model_file
 from pipeline.__main__ import main
-from pipeline.locking import locked
 from tests.synthetic import campaign, tip_machine, trials
 
 DATA = Path(__file__).parents[1] / "data"
@@ -185,87 +183,18 @@ def test_bad_input_is_told_and_leaves_nothing_behind(tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
-def test_nothing_that_was_read_is_written_over(tmp_path, capsys, down_milling):
+def test_predictions_are_not_written_over_what_was_read(tmp_path, capsys, down_milling):
     campaign = tmp_path / "campaign"
     shutil.copytree(CAMPAIGNS / "r02", campaign)
     model, file = tmp_path / "model.yaml", plan(tmp_path, [[1, 3600, 1.0]])
     shutil.copy(down_milling / "model.yaml", model)
     before = {path: path.read_bytes() for path in (*campaign.iterdir(), model, file)}
     words = (f"campaign={campaign}", f"model={model}")
-    assert "is the folder of the campaign itself" in refused(capsys, "compare", *words, f"output={campaign}")
-    assert "holds the model that is compared" in refused(capsys, "compare", *words, f"output={tmp_path}")
-    assert "output: is empty" in refused(capsys, "compare", *words, "output=")
     for place in (campaign / "stability.csv", campaign / "machine.yaml", campaign / "new.uff", model):
         said = refused(capsys, "predict", *words, f"trials={file}", f"predictions={place}")
         assert "is read for the prediction" in said
     assert {path: path.read_bytes() for path in before} == before
     assert set(campaign.iterdir()) | {model, file} == set(before)
-
-
-def test_an_answer_is_not_written_over_that_of_another_campaign(tmp_path, capsys):
-    (tmp_path / "comparison.json").write_text(json.dumps({"campaign": "r02"}))
-    said = refused(capsys, "compare", f"campaign={CAMPAIGNS / 'r01'}", f"output={tmp_path}")
-    assert "holds the comparison with campaign 'r02'" in said
-
-
-@pytest.fixture
-def quick(tmp_path):
-    """A campaign that is compared in a second: one measured mode, and one that the machine has not."""
-    campaign = tmp_path / "quick"
-    campaign.mkdir()
-    shutil.copy(CAMPAIGNS / "r01" / "machine.yaml", campaign)
-    head = "spindle_speed_rpm,mode,natural_frequency_hz,damping_ratio\n"
-    (campaign / "modes.csv").write_text(head + "0,1,147,0.004\n0,5,900,\n")
-    return campaign
-
-
-def test_names_do_nothing_to_page_and_terminal(tmp_path, capsys, quick):
-    campaign = quick.rename(tmp_path / "<script> \x1b[31m $x_1$")
-    (campaign / "a\x1b<i>.csv").write_text("")
-    main(["compare", f"campaign={campaign}", f"output={tmp_path / 'out'}", SERIAL])
-    page = (tmp_path / "out" / "report.html").read_text()
-    assert "&lt;script&gt;" in page
-    assert "<i>" not in page
-    assert "\x1b" not in page + capsys.readouterr().out
-
-
-def test_data_without_an_answer_are_told_by_the_exit_code(tmp_path, capsys, quick):
-    assert main(["compare", f"campaign={quick}", f"output={tmp_path / 'out'}", SERIAL]) == 1
-    assert "no answer for 1 data" in capsys.readouterr().err
-
-
-def test_figures_of_an_earlier_comparison_do_not_stay(tmp_path, quick):
-    output = tmp_path / "out"
-    (output / "figures").mkdir(parents=True)
-    for name in ("trials.csv", "figures/lobes.png", "notes.txt"):
-        (output / name).write_text("earlier")
-    main(["compare", f"campaign={quick}", f"output={output}", SERIAL])
-    names = {str(path.relative_to(output)) for path in output.rglob("*") if path.is_file()}
-    assert names - {".lock"} == {"comparison.json", "report.html", "model.yaml", "figures/pulls.png", "notes.txt"}
-
-
-def test_what_cannot_be_written_leaves_what_was_there(tmp_path, capsys, monkeypatch, quick):
-    def full(*arguments, **options):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    words = ["compare", f"campaign={quick}", SERIAL]
-    monkeypatch.setattr("pipeline.model_file.write", full)
-    assert main([*words, f"output={tmp_path / 'new'}"]) == 2
-    assert f"output: {tmp_path / 'new'} cannot be written: No space left on device" in capsys.readouterr().err
-    assert not (tmp_path / "new").exists()
-    (tmp_path / "old").mkdir()
-    (tmp_path / "old" / "report.html").write_text("earlier")
-    assert main([*words, f"output={tmp_path / 'old'}"]) == 2
-    assert {path.name for path in (tmp_path / "old").iterdir()} == {".lock", "report.html"}
-    assert (tmp_path / "old" / "report.html").read_text() == "earlier"
-
-
-def test_a_folder_in_use_is_left_alone(tmp_path, capsys, quick):
-    output = tmp_path / "out"
-    output.mkdir()
-    with locked(output):
-        assert main(["compare", f"campaign={quick}", f"output={output}", SERIAL]) == 3
-    assert f"in use by process {os.getpid()}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("number", "kind"), [(signal.SIGTERM, "serial"), (signal.SIGINT, "local")])

@@ -4,9 +4,12 @@ import csv
 import json
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 import yaml
 
+from pipeline import improvement_figure, improvement_page
 from pipeline.__main__ import main
 
 CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
@@ -38,7 +41,7 @@ def test_a_diagnosis_has_one_of_five_answers_and_its_reasons(improved):
     for name in ("ranking", "power", "history"):
         assert (improved / "figures" / f"{name}.png").stat().st_size > 5_000
     page = (improved / "report.html").read_text()
-    assert "What is missing: r01" in page
+    assert "What was missing: r01" in page
 
 
 def test_a_history_begins_as_described_and_its_model_predicts(improved, tmp_path):
@@ -58,6 +61,44 @@ def test_a_history_begins_as_described_and_its_model_predicts(improved, tmp_path
         assert [row["predicted_outcome"] for row in csv.DictReader(file)] == ["chatter", "stable"]
 
 
+def test_the_page_of_an_improvement_tells_how_the_error_fell_step_by_step(improved):
+    page = (improved / "report.html").read_text()
+    for head in ("How the error fell", "Step by step", "The first diagnosis", "Calibration of the final model"):
+        assert f"<h2>{head}</h2>" in page
+    assert "1. Base model: " in page
+    assert page.count("data:image/png;base64,") == len(list((improved / "figures").glob("*.png")))
+    with (improved / "history.csv").open() as file:
+        described, calibrated = list(csv.DictReader(file))[:2]
+    # As described no cut was seen: all of them are held out.
+    assert described["outcome_held_out"] == described["outcome_in_sample"]
+    for row in (described, calibrated):
+        inside, outside = (100.0 * float(row[f"outcome_{kind}"]) for kind in ("in_sample", "held_out"))
+        assert f"<td>{inside:.1f} % ({outside:.1f} %)</td>" in page
+
+
+def test_errors_of_an_improvement_stand_with_their_units_and_what_is_not_known_is_left_out():
+    table = pd.DataFrame(
+        {
+            "step": [0, 1],
+            "effect": ["as described", "tool_runout + process_damping"],
+            "outcome_in_sample": [0.255, 0.08],
+            "chatter_frequency_in_sample": [12.0, np.nan],
+            "outcome_held_out": [0.255, 0.1],
+            "log_evidence": [-40.0, -12.3],
+        }
+    )
+    assert improvement_page.error_columns(table) == ["model", "outcome, balanced", "chatter frequency", "log evidence"]
+    assert improvement_page.error_rows(table) == [
+        ["as described", "25.5 % (25.5 %)", "12 Hz", "-40.0"],
+        ["tool runout + process damping", "8.0 % (10.0 %)", "", "-12.3"],
+    ]
+    (outcome, frequency) = improvement_figure.history(table).axes
+    assert outcome.get_ylabel() == "outcome, balanced [%]"
+    assert [line.get_label() for line in outcome.lines] == ["on the data of the fit", "on cuts held out"]
+    # Drawn where it was told: never joined to what is not known.
+    assert np.isnan(frequency.lines[0].get_ydata()[1])
+
+
 def refused(capsys, *words):
     assert main(list(words)) == 2
     said = capsys.readouterr().err
@@ -70,14 +111,42 @@ def test_bad_input_is_told(tmp_path, capsys, improved):
     assert "base: found 'half'" in refused(capsys, "diagnose", campaign, "base=half")
     assert "modes: found '0'" in refused(capsys, "diagnose", campaign, "modes=0")
     assert "did you mean process_damping" in refused(capsys, "diagnose", campaign, "effects=[process_damp]")
-    said = refused(capsys, "diagnose", campaign, "effects=[thermal_preload]")
-    assert "measured tip modes" in said
     model = f"model={improved / 'model.yaml'}"
     assert "modes: not beside model" in refused(capsys, "diagnose", campaign, model, "modes=2")
+
+
+@pytest.mark.parametrize("verb", ["compare", "diagnose", "improve", "predict"])
+@pytest.mark.parametrize(
+    ("word", "told"),
+    [
+        ("base=static_bearing", "base: static_bearing holds bearings at rest; this machine has measured tip modes"),
+        ("modes=2", "modes: found 2, allowed: 1 to 1, as many as were measured of an axis"),
+        (
+            "effects=[thermal_preload]",
+            "effects.thermal_preload: acts on spindle and bearing; this machine has measured tip modes",
+        ),
+    ],
+)
+def test_what_is_not_for_a_machine_of_tip_modes_is_told_in_a_sentence(tmp_path, capsys, verb, word, told):
+    trials = tmp_path / "trials.csv"
+    trials.write_text("trial,spindle_speed_rpm,axial_depth_mm\n1,3200,2.0\n")
+    own = [f"trials={trials}", f"predictions={tmp_path / 'out.csv'}"]
+    words = own if verb == "predict" else [f"output={tmp_path / 'out'}"]
+    said = refused(capsys, verb, f"campaign={CAMPAIGNS / 'r01'}", word, *words)
+    assert said.startswith(f"error: {told}")
+    assert said.count("\n") == 1
+    assert list(tmp_path.iterdir()) == [trials]
+
+
+@pytest.mark.parametrize("verb", ["diagnose", "improve"])
+def test_too_few_cuts_to_judge_by_are_counted(tmp_path, capsys, verb):
     few = tmp_path / "few"
     few.mkdir()
     (few / "machine.yaml").write_text((CAMPAIGNS / "r01" / "machine.yaml").read_text())
     (few / "stability.csv").write_text(
         "trial,spindle_speed_rpm,axial_depth_mm,outcome\n1,3200,1.0,chatter\n2,2900,0.5,stable\n"
     )
-    assert "found 2 cuts and nothing else" in refused(capsys, "diagnose", f"campaign={few}")
+    said = refused(capsys, verb, f"campaign={few}", f"output={tmp_path / 'out'}")
+    assert said.startswith("error: campaign: found 2 cuts and nothing else that was measured; needed to judge a model")
+    assert "8 cuts, or a receptance, natural frequency or bearing stiffness" in said
+    assert said.count("\n") == 1

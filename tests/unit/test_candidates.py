@@ -7,10 +7,10 @@ import pytest
 
 from chatter_core.effects import variants
 from chatter_core.evidence import CampaignModel, Comparison, base_model, calibrate
-from chatter_core.evidence.candidates import Candidate, Hypothesis, extended, fit_hypothesis, refit
+from chatter_core.evidence.candidates import Candidate, Hypothesis, extended, fit_hypothesis, refit, slope_of
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.next_trial import next_trial
-from chatter_core.evidence.power import ENOUGH, nuisance_slope, power
+from chatter_core.evidence.power import ENOUGH, power
 from chatter_core.evidence.ranking import NOTHING, rank
 from tests.synthetic import RPM, campaign, tip_machine, trials
 
@@ -56,7 +56,7 @@ def base_of(made):
 def damped():
     """Base model and both candidates on a campaign with process damping."""
     base = base_of(judged(COEFFICIENT))
-    return base, [fit_hypothesis(base.comparison, [one], base) for one in (PROCESS_DAMPING, ASYMMETRY)]
+    return base, [fit_hypothesis(base.comparison, [one], base, slope_of(base)) for one in (PROCESS_DAMPING, ASYMMETRY)]
 
 
 def test_a_hidden_effect_is_ranked_first_with_its_size(damped):
@@ -72,7 +72,7 @@ def test_a_hidden_effect_is_ranked_first_with_its_size(damped):
 
 def test_nothing_hidden_is_said_to_be_nothing():
     base = base_of(judged(0.0))
-    found = [fit_hypothesis(base.comparison, [one], base) for one in (PROCESS_DAMPING, ASYMMETRY)]
+    found = [fit_hypothesis(base.comparison, [one], base, slope_of(base)) for one in (PROCESS_DAMPING, ASYMMETRY)]
     ranking = rank(base, found)
     assert ranking[0].name == NOTHING
     # It starts at what is nested in it, and cannot end below, but for the density of its own prior.
@@ -81,13 +81,13 @@ def test_nothing_hidden_is_said_to_be_nothing():
 
 def test_power_tells_what_would_be_seen_from_what_would_not(damped):
     base, _ = damped
-    slope = nuisance_slope(base)
+    slope = slope_of(base)
     assert power(base, PROCESS_DAMPING, slope).nats > ENOUGH
     # At the null of everything the same effect leaves nothing where no cut is slow.
     fast = judged(0.0)
     quick = replace(fast, trials=replace(fast.trials, spindle_speed=20.0 * fast.trials.spindle_speed))
     fast_base = base_of(quick)
-    assert power(fast_base, PROCESS_DAMPING, nuisance_slope(fast_base)).nats < ENOUGH
+    assert power(fast_base, PROCESS_DAMPING, slope_of(fast_base)).nats < ENOUGH
 
 
 def test_terms_act_in_the_order_of_the_chain_whoever_names_them_first():

@@ -3,19 +3,24 @@
 import numpy as np
 import pytest
 
-from chatter_core.evidence.margin import CROSSING_TOLERANCE, REACH, followed_margins, margins
+from chatter_core.evidence.margin import CROSSING_TOLERANCE, REACH, WIDEST_GAP, followed_margins, margins
 
 
 def growth_of(*branches):
-    """ln|mu| as the largest of branches, each a function of (trial, place)."""
-    return lambda trial, place: np.max([branch(trial, place) for branch in branches], axis=0)
+    """ln|mu| as the largest of branches, each a function of (curve, place)."""
+    return lambda curve, place: np.max([branch(curve, place) for branch in branches], axis=0)
+
+
+def each_alone(growth, place):
+    """Margins of cuts of which each lies on a curve of its own, at these places."""
+    return margins(growth, np.arange(len(place)), np.asarray(place, dtype=float))
 
 
 def test_a_flat_branch_below_the_limit_does_not_hide_it():
     # Limits at these ln(depth) from the cut; below, a damped mode that the cut does not drive.
     limit = np.array([0.3, 0.1, 0.003, -0.1, -0.3, 2.0, -2.0])
-    growth = growth_of(lambda trial, place: 0.5 * (place - limit[trial]), lambda trial, place: -0.002 - 0.001 * place)
-    margin, crossing = margins(growth, len(limit))
+    growth = growth_of(lambda curve, place: 0.5 * (place - limit[curve]), lambda curve, place: -0.002 - 0.001 * place)
+    margin, crossing = each_alone(growth, np.zeros(len(limit)))
     assert crossing[:5] == pytest.approx(limit[:5], abs=CROSSING_TOLERANCE)
     assert margin[:5] == pytest.approx(-limit[:5], abs=CROSSING_TOLERANCE)
     assert margin[5:].tolist() == [-REACH, REACH]
@@ -23,40 +28,73 @@ def test_a_flat_branch_below_the_limit_does_not_hide_it():
 
 
 def test_the_nearest_of_several_crossings_counts_whichever_way_it_leads():
-    # An island of instability from 0.2 below the cut to 0.05 below: the cut is stable above it.
-    margin, crossing = margins(lambda trial, place: -(place + 0.2) * (place + 0.05), 1)
+    # An island of instability from 0.3 below the cut to 0.05 below: the cut is stable above it.
+    margin, crossing = each_alone(lambda curve, place: -(place + 0.3) * (place + 0.05), [0.0])
     assert (margin[0], crossing[0]) == (pytest.approx(-0.05, abs=1e-5), pytest.approx(-0.05, abs=1e-5))
 
 
-def test_what_is_not_known_brackets_nothing_and_an_unknown_cut_has_no_margin():
-    def growth(trial, place):
-        return np.where((trial == 0) & (place > 0.1), np.nan, np.where(trial == 1, np.nan, place - 0.12))
+def test_cuts_of_one_curve_share_its_crossings():
+    asked = []
 
-    margin, crossing = margins(growth, 3)
+    def growth(curve, place):
+        asked.append(len(place))
+        return place - 0.1 - 2.0 * curve
+
+    place = np.array([0.0, 0.3, 2.0, -3.0, 0.1])
+    margin, crossing = margins(growth, np.array([0, 0, 1, 0, 0]), place)
+    expected = np.array([-0.1, 0.2, -0.1, -REACH, 0.0])
+    assert margin == pytest.approx(expected, abs=CROSSING_TOLERANCE)
+    assert crossing == pytest.approx([0.1, -0.2, 0.1, np.nan, 0.0], abs=CROSSING_TOLERANCE, nan_ok=True)
+    # Both curves are looked at no more densely than the widest gap asks for, and one crossing is sought on each.
+    spans = 2.0 * REACH + np.ptp(place[[0, 1, 3, 4]]), 2.0 * REACH
+    assert asked[0] <= sum(span / WIDEST_GAP for span in spans) + 2 * 5
+    assert max(asked[1:]) <= 2
+
+
+def test_what_is_not_known_brackets_nothing_and_an_unknown_cut_has_no_margin():
+    def growth(curve, place):
+        return np.where((curve == 0) & (place > 0.1), np.nan, np.where(curve == 1, np.nan, place - 0.12))
+
+    margin, crossing = each_alone(growth, [0.0, 0.0, 0.0])
     assert margin[:2] == pytest.approx([-REACH, np.nan], nan_ok=True)
     assert np.isnan(crossing[:2]).all()
     assert margin[2] == pytest.approx(-0.12, abs=1e-5)
-    assert [array.tolist() for array in margins(growth, 0)] == [[], []]
+    assert [array.tolist() for array in each_alone(growth, [])] == [[], []]
 
 
 def test_crossings_are_followed_smoothly_through_the_cut_itself():
-    limit = np.array([0.0005, -0.2, 0.1, 5.0])
+    limit, place = np.array([0.0005, -0.2, 0.1, 5.0]), np.zeros(4)
 
     def model(shift):
-        return lambda trial, place: np.sinh(place - limit[trial] - shift)
+        return lambda curve, place: np.sinh(place - limit[curve] - shift)
 
-    margin, crossing = margins(model(0.0), 4)
-    followed, after = followed_margins(model(-0.002), margin, crossing)
-    expected, _ = margins(model(-0.002), 4)
+    margin, crossing = each_alone(model(0.0), place)
+    followed, after = followed_margins(model(-0.002), np.arange(4), place, margin, crossing)
+    expected, _ = each_alone(model(-0.002), place)
     # A Newton step: the square of what moved, times the curvature; and the slope's step.
     assert followed == pytest.approx(expected, abs=3e-5)
     assert followed[0] > 0.0 > margin[0]
     assert after[:3] == pytest.approx(limit[:3] - 0.002, abs=3e-5)
 
 
+def test_cuts_that_share_a_crossing_follow_it_together():
+    curve, place = np.zeros(3, dtype=int), np.array([0.0, 0.3, -0.2])
+    asked = []
+
+    def moved(curve, place):
+        asked.append(len(place))
+        return place - 0.104
+
+    margin, crossing = margins(lambda curve, place: place - 0.1, curve, place)
+    followed, _ = followed_margins(moved, curve, place, margin, crossing)
+    assert followed == pytest.approx(place - 0.104, abs=3e-5)
+    assert asked == [2]
+
+
 def test_crossings_that_move_far_are_looked_for_anew():
-    margin, crossing = margins(lambda trial, place: place - 0.1, 1)
-    followed, _ = followed_margins(lambda trial, place: place - 0.3, margin, crossing)
+    alone, place = np.zeros(1, dtype=int), np.zeros(1)
+    margin, crossing = margins(lambda curve, place: place - 0.1, alone, place)
+    followed, _ = followed_margins(lambda curve, place: place - 0.3, alone, place, margin, crossing)
     assert followed[0] == pytest.approx(-0.3, abs=1e-5)
-    none = followed_margins(lambda trial, place: place, np.array([REACH]), np.array([np.nan]))
+    none = followed_margins(lambda curve, place: place, alone, place, np.array([REACH]), np.array([np.nan]))
     assert none[0].tolist() == [REACH]

@@ -1,0 +1,111 @@
+"""A model with what is missing added: diagnose, add, calibrate again, until nothing more is supported."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import pandas as pd
+from distributed import Client
+
+from chatter_core.evidence import CampaignModel, Comparison
+from chatter_core.evidence.assessment import Assessment, Version, as_described, version
+from chatter_core.evidence.belief import Belief, fitted
+from chatter_core.evidence.candidates import Hypothesis
+from chatter_core.evidence.held_out import groups
+from chatter_core.evidence.ranking import NOTHING
+from chatter_core.evidence.scores import ERRORS, Score
+from pipeline.campaigns import Asked, model_of
+from pipeline.diagnosis import Diagnosis, diagnose, side_by_side, with_pictures
+from pipeline.model_file import Content
+
+#: Effects are added so many times at most.
+MOST_STEPS = 3
+#: Errors on which a model as described has not seen the cuts: only the labels' noise and the sensors are fitted then.
+UNSEEN = ("outcome", "depth_margin", "chatter_frequency", "limit_depth")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Improvement:
+    """What became of a model.
+
+    diagnoses: in turn; final: the hypothesis in the end, and content: what it is made of; added: names of the effects
+    that it has more than in the beginning; history: a row for each version of the model; before_and_after: the base
+    model calibrated and the final one with their lobes, for pictures; where nothing was added, the best of the first
+    diagnosis takes its place, and None is there where that is the base model.
+    """
+
+    diagnoses: list[Diagnosis]
+    final: Hypothesis
+    content: Content
+    added: tuple[str, ...]
+    history: pd.DataFrame
+    before_and_after: Assessment | None
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether the last diagnosis names an effect that is not added any more."""
+        last = self.diagnoses[-1]
+        return last.supported is not last.base
+
+    @property
+    def final_version(self) -> Version:
+        """The final hypothesis held against the campaign."""
+        return self.diagnoses[-1].version(self.final)
+
+
+def improve(client: Client | None, asked: Asked) -> Improvement:
+    """Return a model with what is missing added, step by step."""
+    model, belief, content = asked.model, asked.belief, asked.content
+    rows = [_first_row(model, belief)]
+    diagnoses: list[Diagnosis] = []
+    start = belief
+    while True:
+        found = diagnose(client, model, belief, content, start)
+        if not diagnoses:
+            rows.append(_row("calibrated", found.version(found.base), found.held_out.get(NOTHING, {})))
+        diagnoses.append(found)
+        best = found.supported
+        if best is found.base or len(diagnoses) > MOST_STEPS:
+            break
+        content = found.supported_content
+        rows.append(_row(" + ".join(content.effects), found.version(best), found.held_out.get(best.name, {})))
+        model, start = model_of(model.campaign, content), fitted(best.fit)
+    added = tuple(name for name in content.effects if name not in asked.content.effects)
+    return Improvement(
+        diagnoses=diagnoses,
+        final=diagnoses[-1].base,
+        content=content,
+        added=added,
+        history=_history(rows),
+        before_and_after=_before_and_after(client, diagnoses, added),
+    )
+
+
+def _before_and_after(client: Client | None, diagnoses: list[Diagnosis], added: tuple[str, ...]) -> Assessment | None:
+    """Return the calibrated base model and the final one side by side."""
+    first, last = diagnoses[0], diagnoses[-1]
+    if not added:
+        return with_pictures(client, first).before_and_after
+    final = replace(last.version(last.base), title=f"With {' + '.join(added).replace('_', ' ')}")
+    return side_by_side(client, (first.base, first.version(first.base)), (last.base, final))
+
+
+def _first_row(model: CampaignModel, belief: Belief) -> dict[str, Any]:
+    """Return the row of the model as described, whose cuts all are held out."""
+    comparison = Comparison(model=model)
+    found = version("As described", comparison, as_described(comparison, belief), belief.about(model), ())
+    unseen = UNSEEN if groups(model.campaign) else ()
+    return _row("as described", found, {name: found.scores[name] for name in unseen if name in found.scores})
+
+
+def _history(rows: list[dict[str, Any]]) -> pd.DataFrame:
+    """Return a table of rows: errors on the data of the fit, then those on cuts held out, then the evidence."""
+    kinds = [f"{name}_{kind}" for kind in ("in_sample", "held_out") for name in ERRORS]
+    columns = ["effect", *(name for name in kinds if any(name in row for row in rows)), "log_evidence"]
+    return pd.DataFrame(rows, columns=columns).rename_axis("step").reset_index()
+
+
+def _row(effect: str, found: Version, held_out: dict[str, Score]) -> dict[str, Any]:
+    """Return a row of the history: errors in and out of sample by quantity."""
+    inside = {f"{name}_in_sample": found.scores[name].value for name in ERRORS if name in found.scores}
+    outside = {f"{name}_held_out": held_out[name].value for name in ERRORS if name in held_out}
+    return {"effect": effect, **inside, **outside, "log_evidence": found.fit.log_evidence}

@@ -1,0 +1,200 @@
+"""An improvement for people: how the error fell, what each diagnosis said, and the model before and after."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from chatter_core.evidence.scores import ERRORS
+from pipeline import comparison_figures, diagnosis_document, diagnosis_figures, diagnosis_page, improvement_figure, page
+from pipeline.comparison_page import NAMES, PER_CENT
+from pipeline.diagnosis import Diagnosis
+from pipeline.diagnosis_document import DOCUMENT, POWER
+from pipeline.diagnosis_page import FOLDER, PAGE
+from pipeline.improvement import MOST_STEPS, Improvement
+
+#: Files beside those of a diagnosis: the last diagnosis, errors of every version of the model, and their picture.
+LAST, HISTORY, PICTURE = "diagnosis_last.json", "history.csv", f"{FOLDER}/history.png"
+#: Everything that there may be to write.
+FILES = (*diagnosis_page.FILES, LAST, HISTORY, PICTURE)
+CAPTIONS = {
+    **diagnosis_page.CAPTIONS,
+    "history": "Error of every quantity by each version of the model, on the data that it was fitted to and on cuts "
+    "held out. What calibration alone mends is no merit of an effect: compare with the calibrated base model.",
+    "lobes": "Boundary of stability and measured cuts, by the calibrated base model and by the final one.",
+    "receptances": "Receptance of the tool tip, measured, by the calibrated base model, and by the final one.",
+    "residuals": "What is left of margins and chatter frequencies by the final model.",
+    "pulls": "Parameters of the final model, in widths of what is plausible.",
+}
+
+
+#: What the verdicts mean in the head of a step.
+MEANINGS = {
+    "none": "nothing is missing",
+    "effect": "an effect is missing",
+    "ambiguous": "one of several effects is missing",
+    "unexplained": "something is missing that no effect explains",
+    "underpowered": "these measurements cannot tell",
+}
+#: Quantities of which the gist tells, the first that was measured.
+HEADS = {
+    "outcome": "Outcomes told wrongly",
+    "limit_depth": "Error of limit depths",
+    "receptance": "Error of receptances",
+    "natural_frequency": "Error of natural frequencies",
+    "bearing_stiffness": "Error of bearing stiffnesses",
+}
+#: A cut that is expected to tell less than this parts nothing [nats].
+WORTH_A_CUT = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """A diagnosis in short: of which model, its verdict and why, what it names, what that fits, fails and asks for."""
+
+    title: str
+    text: str
+    rows: list[list[str]]
+    fails: list[str]
+    next_trial: str
+
+
+def write(found: Improvement, campaign: str, output: Path) -> list[Path]:
+    """Write history, diagnoses, figures and page of an improvement; return the paths."""
+    first, last = found.diagnoses[0], found.diagnoses[-1]
+    documents = [diagnosis_document.document(one, campaign) for one in found.diagnoses]
+    written = [
+        diagnosis_document.write(documents[0], output / DOCUMENT),
+        diagnosis_document.write_power(first, output / POWER),
+        diagnosis_document.write(documents[-1], output / LAST),
+        output / HISTORY,
+    ]
+    found.history.to_csv(output / HISTORY, index=False, float_format="%.6g")
+    of_the_first = diagnosis_figures.write(first, output / FOLDER)
+    improvement_figure.history(found.history).savefig(output / PICTURE, dpi=150)
+    shown = found.before_and_after
+    compared = comparison_figures.write(shown, output / FOLDER) if shown is not None else []
+    page.write(
+        output / PAGE,
+        "improvement.html",
+        title=f"What was missing: {campaign}",
+        lead=lead(found),
+        columns=error_columns(found.history),
+        rows=error_rows(found.history),
+        history=page.embedded([output / PICTURE], CAPTIONS),
+        steps=[step(*each) for each in zip(found.diagnoses, documents, strict=True)],
+        compared=page.embedded(compared, CAPTIONS),
+        first=page.embedded(of_the_first, CAPTIONS),
+        calibration=diagnosis_document.parameters_of(last.base, set()),
+    )
+    return [*written, *of_the_first, output / PICTURE, *compared, output / PAGE]
+
+
+def lead(found: Improvement) -> list[str]:
+    """Return the gist in sentences."""
+    added = _readable(", ".join(found.added))
+    told = [f"Added to the model: {added}." if added else "Nothing was added to the model."]
+    told += _headline(found.history)
+    verdict = _readable(found.diagnoses[-1].verdict.text)
+    told.append(f"In the end: {verdict[0].lower()}{verdict[1:]}")
+    if found.unfinished:
+        told.append(f"It is not added any more: {MOST_STEPS} times is the most.")
+    return told
+
+
+def _headline(table: pd.DataFrame) -> list[str]:
+    """Return the error of the first quantity that was measured, by every version of the model, as a sentence."""
+    for name, words in HEADS.items():
+        for kind, where in (("held_out", "on cuts held out"), ("in_sample", "on the data of the fit")):
+            if f"{name}_{kind}" in table:
+                steps = zip(table["effect"], table[f"{name}_{kind}"], strict=True)
+                told = ", ".join(f"{_shown(name, value)} {_version(effect)}" for effect, value in steps)
+                return [f"{words}, {where}: {told}."]
+    return []
+
+
+def _readable(text: str) -> str:
+    """Return text in which effects' names stand as words."""
+    return text.replace("_", " ")
+
+
+def _version(effect: str) -> str:
+    """Return a version of the model as it stands in a sentence."""
+    return effect if effect in ("as described", "calibrated") else f"with {_readable(effect)}"
+
+
+def error_columns(table: pd.DataFrame) -> list[str]:
+    """Return the heads of the table of errors."""
+    return ["model", *(NAMES[name] for name in _quantities(table)), "log evidence"]
+
+
+def error_rows(table: pd.DataFrame) -> list[list[str]]:
+    """Return a row for each version of the model: its errors, in brackets those on cuts held out, and its evidence."""
+    return [
+        [
+            _readable(row["effect"]),
+            *(_both(name, row) for name in _quantities(table)),
+            f"{row['log_evidence']:.1f}",
+        ]
+        for _, row in table.iterrows()
+    ]
+
+
+def _quantities(table: pd.DataFrame) -> list[str]:
+    return [name for name in ERRORS if f"{name}_in_sample" in table]
+
+
+def _both(name: str, row: "pd.Series[Any]") -> str:
+    inside, outside = (row.get(f"{name}_{kind}", np.nan) for kind in ("in_sample", "held_out"))
+    return _shown(name, inside) + (f" ({_shown(name, outside)})" if np.isfinite(outside) else "")
+
+
+def _shown(name: str, value: float) -> str:
+    if not np.isfinite(value):
+        return ""
+    if name in PER_CENT:
+        return f"{100.0 * value:.1f} %"
+    return f"{value:.3g}" + (" Hz" if name == "chatter_frequency" else "")
+
+
+def step(found: Diagnosis, document: dict[str, Any]) -> Step:
+    """Return a diagnosis in short; document: the same as plain data."""
+    model = _readable(" + ".join(found.content.effects))
+    named = [one for one in document["ranking"] if one["effect"] in found.verdict.missing]
+    pair = document["pair"]
+    if pair is not None and found.best.name == pair["effect"]:
+        named = [pair]
+    return Step(
+        title=f"{'With ' + model if model else 'Base model'}: {MEANINGS[found.verdict.kind]}",
+        text=_readable(found.verdict.text),
+        rows=[row for one in named for row in _parameter_rows(one)],
+        fails=[_readable(failure["text"]) for failure in document["still_fails"]],
+        next_trial=_next_trial(found, document),
+    )
+
+
+def _next_trial(found: Diagnosis, document: dict[str, Any]) -> str:
+    """Return which cut would part the two best answers, in words; nothing where no cuts were made."""
+    if found.next_trial is None or document["next_trial"] is None:
+        return ""
+    if found.next_trial.expected_gain < WORTH_A_CUT:
+        return "No cut at the speeds and depths of the campaign would part the two best answers."
+    return _readable(document["next_trial"]["text"])
+
+
+def _parameter_rows(one: dict[str, Any]) -> list[list[str]]:
+    """Return a row for each parameter of an entry of the ranking."""
+    return [
+        [
+            _readable(one["effect"]),
+            f"{one['probability']:.2f}",
+            _readable(name),
+            f"{told['estimate']:.3g}",
+            f"{told['low']:.3g} to {told['high']:.3g}",
+            "" if told["unit"] == "1" else told["unit"],
+            told["meaning"],
+        ]
+        for name, told in one["parameters"].items()
+    ]

@@ -1,0 +1,144 @@
+"""The steps of a verb that judges a model by a campaign: read, compute, and leave an answer in a folder.
+
+An answer is written beside its place and then moved: a disk that fills up, or a signal, leaves what was there before.
+It never takes the place of what was measured, of what is read, or of what was said of another campaign.
+"""
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Generic, TypeVar
+
+from distributed import Client
+from pydantic import Field
+from threadpoolctl import threadpool_limits
+
+from chatter_core.errors import InvalidInput
+from chatter_core.evidence import CampaignModel
+from chatter_core.reading import shown
+from pipeline import comparison_document, diagnosis_document
+from pipeline.campaigns import WORDS, Asked, CampaignOptions, options_of, read
+from pipeline.cluster import open_client
+from pipeline.configuration import make_folder, sort_words
+from pipeline.errors import StoreInUse
+from pipeline.locking import locked, remove_empty
+
+Found = TypeVar("Found")
+
+#: Where every answer holds its model.
+MODEL = "model.yaml"
+#: Documents by which a folder says of which campaign its answer is.
+DOCUMENTS = (comparison_document.DOCUMENT, diagnosis_document.DOCUMENT)
+
+
+class JudgingOptions(CampaignOptions):
+    """Which campaign, seen through which model, and where the answer goes."""
+
+    output: Path | None = Field(default=None, description="folder for the answer")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verb(Generic[Found]):
+    """A verb that judges a model by a campaign.
+
+    name; files: all that its answers may consist of; check: raises InvalidInput where a campaign is not enough;
+    compute: the answer; write: puts it into a folder and returns the paths; summary: for a terminal; lost: how many
+    data the answer's model has nothing to say of.
+    """
+
+    name: str
+    files: tuple[str, ...]
+    check: Callable[[CampaignModel], None]
+    compute: Callable[[Client | None, Asked], Found]
+    write: Callable[[Found, Asked, Path], list[Path]]
+    summary: Callable[[Found], str]
+    lost: Callable[[Found], int]
+
+
+def run(verb: Verb[Found], words: list[str]) -> int:
+    """Answer the words of a command line; return the exit code.
+
+    Raises InvalidInput for bad input and where the answer cannot be written, StoreInUse where another run holds
+    its folder.
+    """
+    sorted_words = sort_words(words, (*JudgingOptions.model_fields, *WORDS))
+    options = options_of(sorted_words, JudgingOptions, verb.name)
+    with threadpool_limits(1):
+        asked = read(options, sorted_words)
+        verb.check(asked.model)
+        output = options.output or Path("results") / f"{verb.name}-{asked.name}"
+        _refuse_loss(verb.files, output, options, asked)
+        with _held(output):
+            with open_client(asked.cluster) as client:
+                found = verb.compute(client, asked)
+            written = _write(verb, found, asked, output)
+    print(verb.summary(found))
+    for path in written:
+        print(f"written: {path}")
+    lost = verb.lost(found)
+    if lost:
+        print(f"error: the calibrated model has no answer for {lost} data; they count as far off", file=sys.stderr)
+    return 1 if lost else 0
+
+
+def _refuse_loss(files: tuple[str, ...], output: Path, options: JudgingOptions, asked: Asked) -> None:
+    """Raise InvalidInput where the answer would take the place of what is read, or of another campaign's answer."""
+    if output.resolve() == options.campaign.resolve():
+        raise InvalidInput([f"output: {output} is the folder of the campaign itself; name another"])
+    if asked.content.effects_path == output.resolve():
+        raise InvalidInput([f"output: {output} is the folder of the effects; name another"])
+    if options.model is not None and options.model.resolve() in [(output / file).resolve() for file in files]:
+        raise InvalidInput([f"output: {output} holds the model that is read; name another folder"])
+    for document in DOCUMENTS:
+        before = _campaign_of(output / document)
+        if before not in (None, asked.name):
+            raise InvalidInput([f"output: {output} holds the answer for campaign {shown(before)}; name another folder"])
+
+
+def _campaign_of(document: Path) -> str | None:
+    """Return the campaign that a document speaks of, None where there is none that can be read."""
+    try:
+        return str(json.loads(document.read_text(encoding="utf-8"))["campaign"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+@contextmanager
+def _held(output: Path) -> Iterator[None]:
+    """Hold the folder of an answer; where there is none in the end, no folder that was made for it stays.
+
+    Raises InvalidInput when it cannot be written, StoreInUse when another run holds it.
+    """
+    new = [folder for folder in (output, *output.parents) if not folder.exists()]
+    try:
+        make_folder(output)
+        with locked(output):
+            yield
+    except StoreInUse:
+        # What is there belongs to the other run.
+        raise
+    except BaseException as error:
+        for folder in new:
+            remove_empty(folder)
+        if isinstance(error, OSError):
+            raise InvalidInput([f"output: {output} cannot be written: {error.strerror or error}"]) from None
+        raise
+
+
+def _write(verb: Verb[Found], found: Found, asked: Asked, output: Path) -> list[Path]:
+    """Write everything and return the paths."""
+    with TemporaryDirectory(prefix=".writing-", dir=output) as folder:
+        beside = Path(folder)
+        names = [path.relative_to(beside) for path in verb.write(found, asked, beside)]
+        for name in names:
+            (output / name).parent.mkdir(exist_ok=True)
+            (beside / name).replace(output / name)
+    # What an earlier answer had to show, and this one has not, would speak of other measurements.
+    for known in verb.files:
+        if Path(known) not in names:
+            (output / known).unlink(missing_ok=True)
+    return [output / name for name in names]

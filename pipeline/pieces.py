@@ -1,0 +1,30 @@
+"""Pieces of work that the verbs of a campaign share: cuts held out, and the lobes that are drawn."""
+
+from functools import partial
+
+from chatter_core.evidence import CampaignModel, Comparison
+from chatter_core.evidence.belief import Belief
+from chatter_core.evidence.boundary import field, setups
+from chatter_core.evidence.held_out import groups, held_out
+from chatter_core.evidence.parameters import Array
+from pipeline.jobs import Job
+
+#: Setups of the cuts of which lobes are drawn, those with most cuts.
+DRAWN_SETUPS = 4
+
+
+def held_out_jobs(comparison: Comparison, start: Array) -> list[Job]:
+    """Return a job for each group of cuts, told by a calibration without them; none where speeds are too few.
+
+    start: (parameter,), what was known before the campaign.
+    """
+    return [
+        Job(name=f"cuts held out, group {group + 1}", call=partial(held_out, comparison, start, group))
+        for group in range(groups(comparison.model.campaign))
+    ]
+
+
+def lobe_jobs(model: CampaignModel, belief: Belief, name: str) -> list[Job]:
+    """Return a job for the lobes of each setup that is drawn, with what is known of the parameters."""
+    kinds = range(min(len(setups(model)), DRAWN_SETUPS))
+    return [Job(name=name, call=partial(field, model, belief, kind)) for kind in kinds]

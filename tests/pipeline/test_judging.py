@@ -1,0 +1,128 @@
+"""What ``compare``, ``diagnose`` and ``improve`` share: how an answer is written, and what it never replaces."""
+
+import errno
+import json
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pipeline.__main__ import main
+from pipeline.judging import DOCUMENTS
+from pipeline.locking import locked
+
+CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
+SERIAL = "cluster=serial"
+#: Files of an answer to the campaign below.
+DIAGNOSED = {"diagnosis.json", "power.csv", "report.html", "model.yaml", "figures/ranking.png", "figures/power.png"}
+FILES = {
+    "compare": {"comparison.json", "report.html", "model.yaml", "figures/pulls.png"},
+    "diagnose": DIAGNOSED,
+    "improve": DIAGNOSED | {"diagnosis_last.json", "history.csv", "figures/history.png"},
+}
+#: Those of which an answer to a campaign with cuts may have one, and an answer to this one has none.
+OTHERS = {"compare": "trials.csv", "diagnose": "figures/lobes.png", "improve": "figures/receptances.png"}
+every_verb = pytest.mark.parametrize("verb", list(FILES))
+
+
+@pytest.fixture
+def quick(tmp_path):
+    """A campaign that is judged in a second: one measured mode, and one that the machine has not."""
+    campaign = tmp_path / "quick"
+    campaign.mkdir()
+    shutil.copy(CAMPAIGNS / "r01" / "machine.yaml", campaign)
+    head = "spindle_speed_rpm,mode,natural_frequency_hz,damping_ratio\n"
+    (campaign / "modes.csv").write_text(head + "0,1,147,0.004\n0,5,900,\n")
+    return campaign
+
+
+def refused(capsys, *words):
+    assert main(list(words)) == 2
+    said = capsys.readouterr().err
+    assert "Traceback" not in said
+    return said
+
+
+def files_in(folder):
+    return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+
+
+@every_verb
+def test_an_answer_takes_the_place_of_an_earlier_one_and_of_nothing_else(tmp_path, capsys, quick, verb):
+    output = tmp_path / "out"
+    (output / "figures").mkdir(parents=True)
+    for name in ("report.html", OTHERS[verb], "notes.txt"):
+        (output / name).write_text("earlier")
+    # Of a mode that the machine has not there is no answer, and the exit code says so.
+    assert main([verb, f"campaign={quick}", f"output={output}", SERIAL]) == 1
+    assert "no answer for 1 data" in capsys.readouterr().err
+    assert files_in(output) - {".lock"} == FILES[verb] | {"notes.txt"}
+    assert (output / "notes.txt").read_text() == "earlier"
+    assert (output / "report.html").read_text() != "earlier"
+    assert yaml.safe_load((output / "model.yaml").read_text())["effects"] == {}
+    # The same campaign may be asked again, and another one not.
+    assert main([verb, f"campaign={quick}", f"output={output}", SERIAL]) == 1
+    other = shutil.copytree(quick, tmp_path / "other")
+    assert "holds the answer for campaign 'quick'" in refused(capsys, verb, f"campaign={other}", f"output={output}")
+
+
+@every_verb
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_an_answer_is_not_written_over_that_of_another_campaign(tmp_path, capsys, quick, verb, document):
+    (tmp_path / document).write_text(json.dumps({"campaign": "r02"}))
+    said = refused(capsys, verb, f"campaign={quick}", f"output={tmp_path}")
+    assert "holds the answer for campaign 'r02'" in said
+
+
+@every_verb
+def test_nothing_that_was_read_is_written_over(tmp_path, capsys, quick, verb):
+    output = tmp_path / "out"
+    main(["compare", f"campaign={quick}", f"output={output}", SERIAL])
+    before = {path: path.read_bytes() for path in (*quick.iterdir(), output / "model.yaml")}
+    words = (verb, f"campaign={quick}", f"model={output / 'model.yaml'}")
+    assert "is the folder of the campaign itself" in refused(capsys, *words, f"output={quick}")
+    assert "holds the model that is read" in refused(capsys, *words, f"output={output}")
+    assert "output: is empty" in refused(capsys, *words, "output=")
+    assert {path: path.read_bytes() for path in before} == before
+    assert set(quick.iterdir()) < set(before)
+
+
+@every_verb
+def test_names_do_nothing_to_page_and_terminal(tmp_path, capsys, quick, verb):
+    campaign = quick.rename(tmp_path / "<script> \x1b[31m $x_1$")
+    (campaign / "a\x1b<i>.csv").write_text("")
+    main([verb, f"campaign={campaign}", f"output={tmp_path / 'out'}", SERIAL])
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "&lt;script&gt;" in page
+    assert "<i>" not in page
+    assert "\x1b" not in page + capsys.readouterr().out
+
+
+@every_verb
+def test_what_cannot_be_written_leaves_what_was_there(tmp_path, capsys, monkeypatch, quick, verb):
+    def full(*arguments, **options):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    words = [verb, f"campaign={quick}", SERIAL]
+    monkeypatch.setattr("pipeline.model_file.write", full)
+    new = tmp_path / "new" / "folder"
+    assert main([*words, f"output={new}"]) == 2
+    assert f"output: {new} cannot be written: No space left on device" in capsys.readouterr().err
+    assert not new.parent.exists()
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "report.html").write_text("earlier")
+    assert main([*words, f"output={tmp_path / 'old'}"]) == 2
+    assert {path.name for path in (tmp_path / "old").iterdir()} == {".lock", "report.html"}
+    assert (tmp_path / "old" / "report.html").read_text() == "earlier"
+
+
+@every_verb
+def test_a_folder_in_use_is_left_alone(tmp_path, capsys, quick, verb):
+    output = tmp_path / "out"
+    output.mkdir()
+    with locked(output):
+        assert main([verb, f"campaign={quick}", f"output={output}", SERIAL]) == 3
+        assert (output / "lock.json").exists()
+    assert f"in use by process {os.getpid()}" in capsys.readouterr().err
