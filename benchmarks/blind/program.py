@@ -98,7 +98,7 @@ def answer(folder: Path, *, frozen: bool = False) -> dict[str, Any]:
         found = diagnose(None, model, PRIORS, Content())
     return {
         "document": document(found, folder.name),
-        "chances": {name: [float(one.chance) for one in left] for name, left in found.left.items()},
+        "chances": {name: [float(failure.chance) for failure in one.failures] for name, one in found.judged.items()},
         "models": models(found),
         "evaluations": tally.evaluations,
         "processor_s": time.process_time() - spent,
