@@ -4,9 +4,11 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 STUDY  ?= reference
 ARGS   ?=
+SEEDS  ?= test
+FOLDER ?= results/blind
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep point compare diagnose improve predict identify paper template report bench test clean
+.PHONY: help run sweep point compare diagnose improve predict identify paper template report bench blind test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -47,6 +49,9 @@ report: $(VENV)/.installed ## write tables, figures and page of a finished study
 
 bench: $(VENV)/.installed ## speed and error beside the textbook's method, into results/bench.md
 	$(BIN)/python -m benchmarks $(ARGS)
+
+blind: $(VENV)/.installed ## hidden effects diagnosed blind and judged, into FOLDER (many hours; goes on where it was interrupted)
+	$(BIN)/python -m benchmarks.blind $(SEEDS) $(FOLDER) $(ARGS)
 
 test: $(VENV)/.installed-test ## style, types, import contracts and all tests
 	$(BIN)/ruff check .

@@ -67,15 +67,15 @@ def drawn_truth(model: CampaignModel, rng):
     return np.clip(drawn, column(model.parameters, "lower"), column(model.parameters, "upper"))
 
 
-def measured(planned: Campaign, truth, rng, model_of=base_model) -> Campaign:
+def measured(planned: Campaign, truth, rng, effects=()) -> Campaign:
     """Measure a planned campaign on the model with these parameters: labels, frequencies, responses with noise.
 
-    model_of: campaign -> its model, the base model where nothing is hidden.
+    effects: of the model, beyond the machine as data sheets have it.
     """
     plan = planned.trials
     # A frequency everywhere makes the model say one everywhere.
     heard = replace(planned, trials=replace(plan, chatter_frequency=np.ones(len(plan))))
-    comparison = Comparison(model=model_of(heard))
+    comparison = Comparison(model=base_model(heard, tuple(effects)))
     prediction = comparison.model.predict(truth)
     probability = comparison.outcome_probabilities(truth, prediction.margin)
     chatter = rng.random(len(plan)) < probability[:, -1]

@@ -7,7 +7,7 @@ import pytest
 
 from chatter_core.evidence import Comparison, base_model, calibrate
 from chatter_core.evidence.candidates import Hypothesis
-from chatter_core.evidence.corrections import corrected_model, corrections_of, fit_correction, mending, told
+from chatter_core.evidence.corrections import corrections_of, fit_correction, mending, told
 from chatter_core.evidence.corrections.terms import DAMPING, FORCE, SPEED, Correction
 from chatter_core.evidence.scores import COVERAGE
 from chatter_core.units import si_factor
@@ -54,15 +54,12 @@ def hiding(name, seed):
     truth = drawn_truth(base, rng)
     known = base.named(truth)
 
-    def model_of(heard):
-        if name not in LAWS:
-            return base_model(heard)
+    hidden = ()
+    if name in LAWS:
         quantity, law = LAWS[name]
-        hidden = Correction(quantity=quantity, axis=SPEED, curve=Law(log=law))
-        return corrected_model(base_model(heard), hidden)
-
-    values = np.array([known.get(parameter.name, 1.0) for parameter in model_of(planned).parameters])
-    made = measured(planned, values, rng, model_of)
+        hidden = (Correction(quantity=quantity, axis=SPEED, curve=Law(log=law)),)
+    values = np.array([known.get(parameter.name, 1.0) for parameter in base_model(planned, hidden).parameters])
+    made = measured(planned, values, rng, hidden)
     comparison = Comparison(model=base_model(made))
     return Hypothesis(candidates=(), comparison=comparison, fit=calibrate(comparison)), known
 
