@@ -6,7 +6,7 @@ from distributed import Client
 
 from pipeline import diagnosis_page, judging, model_file
 from pipeline.campaigns import Asked
-from pipeline.diagnosis import Diagnosis, check_enough, diagnose, with_pictures
+from pipeline.diagnosis import Diagnosis, check_enough, completed, diagnose, with_pictures
 from pipeline.judging import MODEL, Verb
 
 
@@ -16,7 +16,8 @@ def run(words: list[str]) -> int:
 
 
 def _diagnose(client: Client | None, asked: Asked) -> Diagnosis:
-    return with_pictures(client, diagnose(client, asked.model, asked.belief, asked.content))
+    found = diagnose(client, asked.model, asked.belief, asked.content)
+    return with_pictures(client, completed(client, found, asked.belief))
 
 
 def _write(found: Diagnosis, asked: Asked, output: Path) -> list[Path]:

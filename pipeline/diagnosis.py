@@ -1,7 +1,7 @@
 """What is missing in a model: every candidate is fitted to a campaign, and one of five answers given."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -29,6 +29,8 @@ from pipeline.pieces import held_out_jobs, lobe_jobs
 
 #: Effects that restore what a base model was asked to leave out.
 RESTORING = {"speed_dependent_bearing": "base", "higher_modes": "modes"}
+#: Hypotheses whose evidence comes so near to the best are fitted to their end [nats]: of others none could be named.
+CLOSE = 12.0
 #: Second effects that are tried beside the first, the best of them by themselves.
 SECONDS = 4
 #: Verdicts after which the best effect belongs to the model, although others may be tied with it.
@@ -54,9 +56,9 @@ class Diagnosis:
     pair: Ranked | None
     powers: list[Power]
     judged: dict[str, Version]
-    held_out: dict[str, dict[str, Score]]
-    next_trial: NextTrial | None
     verdict: Verdict
+    held_out: dict[str, dict[str, Score]] = field(default_factory=dict)
+    next_trial: NextTrial | None = None
     before_and_after: Assessment | None = None
     corrections: Corrections | None = None
 
@@ -129,7 +131,7 @@ def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
 def diagnose(
     client: Client | None, model: CampaignModel, belief: Belief, content: Content, start: Belief | None = None
 ) -> Diagnosis:
-    """Return what is missing in a model.
+    """Return what is missing in a model: the ranking and the verdict.
 
     belief: what is known of its parameters before the campaign; start: where calibrations with all data start, there
     unless something better is known.
@@ -138,26 +140,39 @@ def diagnose(
     known = (start or belief).about(model).estimate
     (fit,) = spread(client, [Job(name="base model", call=partial(calibrate, comparison, start=known))])
     base, ranking = _ranking(client, Hypothesis(candidates=(), comparison=comparison, fit=fit), candidates)
-    judged = {name: _judged(one) for name, one in {NOTHING: base, ranking[0].name: ranking[0].best}.items()}
+    judged = {NOTHING: _judged(base), **{one.name: _judged(one.best) for one in ranking[:2] if one.name != NOTHING}}
     pair = _pair(client, base, ranking, judged)
     if pair is not None:
         judged[pair.name] = _judged(pair.best)
     powers = _powers(client, base, candidates)
-    first, second = (one.best for one in ranking[:2]) if len(ranking) > 1 else (base, base)
-    found = Diagnosis(
+    return Diagnosis(
         content=content,
         base=base,
         ranking=ranking,
         pair=pair,
         powers=powers,
         judged=judged,
-        held_out={},
-        next_trial=next_trial(first, second),
         verdict=decide(ranking, pair, powers, {name: one.failures for name, one in judged.items()}),
     )
-    if found.verdict.kind == "unexplained":
-        found = replace(found, corrections=correct(client, base))
-    return replace(found, held_out=_held_out(client, _told_of_others(found), belief))
+
+
+def completed(
+    client: Client | None, found: Diagnosis, belief: Belief, of_base: dict[str, Score] | None = None
+) -> Diagnosis:
+    """Return a diagnosis with all that helps to go on: errors on cuts held out, the next cut, and corrections.
+
+    belief: what was known of the parameters before the campaign; of_base: scores of the base model on cuts held out,
+    where they are known.
+    """
+    told_of = [one for one in _told_of_others(found) if of_base is None or one is not found.base]
+    known = {} if of_base is None else {NOTHING: of_base}
+    first, second = (one.best for one in found.ranking[:2]) if len(found.ranking) > 1 else (found.base, found.base)
+    return replace(
+        found,
+        held_out=known | _held_out(client, told_of, belief),
+        next_trial=next_trial(first, second),
+        corrections=correct(client, found.base) if found.verdict.kind == "unexplained" else None,
+    )
 
 
 def _ranking(
@@ -165,17 +180,25 @@ def _ranking(
 ) -> tuple[Hypothesis, list[Ranked]]:
     """Return the base model and the ranking of nothing missing and single effects."""
     fitted_with = partial(fit_hypothesis, base.comparison, nested=base, slope=slope_of(base))
-    singles = spread(client, [Job(name=str(one), call=partial(fitted_with, [one])) for one in candidates])
+    near = spread(client, [Job(name=str(one), call=partial(fitted_with, [one])) for one in candidates])
+    singles = _climbed(client, near, base)
     ranking = rank(base, singles)
-    if ranking[0].name == NOTHING:
-        return base, ranking
-    # The best is fitted to its end, and the base model gets the same chance to arrive as what is held against it.
-    best = ranking[0].best
-    jobs = [
-        Job(name=f"{one.name or 'base model'}, once more", call=partial(refit, one, best.fit)) for one in (best, base)
-    ]
-    polished, base = spread(client, jobs)
-    return base, rank(base, [polished if one is best else one for one in singles])
+    if ranking[0].name != NOTHING:
+        # The base model gets the same chance to arrive as what is held against it.
+        base = refit(base, ranking[0].best.fit)
+    return base, rank(base, singles)
+
+
+def _climbed(client: Client | None, near: Sequence[Hypothesis], nested: Hypothesis) -> list[Hypothesis]:
+    """Return hypotheses, fitted to their end where they explain more than what they nest and come near the best."""
+    best = max((one.fit.log_evidence for one in near), default=0.0)
+    close = {
+        index: Job(name=f"{one.name}, to its end", call=partial(refit, one, one.fit))
+        for index, one in enumerate(near)
+        if one.fit.log_evidence > best - CLOSE and one.fit.log_posterior > nested.fit.log_posterior
+    }
+    found = dict(zip(close, spread(client, list(close.values())), strict=True))
+    return [found.get(index, one) for index, one in enumerate(near)]
 
 
 def side_by_side(
@@ -227,7 +250,7 @@ def _pair(
         )
         for one in seconds[:SECONDS]
     ]
-    pairs = [one for one in rank(base, spread(client, jobs)) if one.name != NOTHING]
+    pairs = [one for one in rank(base, _climbed(client, spread(client, jobs), first.best)) if one.name != NOTHING]
     return max(pairs, key=lambda one: one.gain, default=None)
 
 
@@ -247,10 +270,10 @@ def _held_out(client: Client | None, hypotheses: Sequence[Hypothesis], belief: B
 
     belief: what was known before the campaign.
     """
-    campaign = hypotheses[0].comparison.model.campaign
     jobs = {name_of(one): held_out_jobs(one.comparison, _before(one, belief)) for one in hypotheses}
+    campaigns = {name_of(one): one.comparison.model.campaign for one in hypotheses}
     parts = spread_parts(client, jobs)
-    return {name: cut_scores(campaign, together(said)) for name, said in parts.items() if said}
+    return {name: cut_scores(campaigns[name], together(said)) for name, said in parts.items() if said}
 
 
 def _before(hypothesis: Hypothesis, belief: Belief) -> Array:

@@ -14,7 +14,7 @@ from chatter_core.evidence.held_out import groups
 from chatter_core.evidence.ranking import NOTHING
 from chatter_core.evidence.scores import ERRORS, Score
 from pipeline.campaigns import Asked, model_of
-from pipeline.diagnosis import Diagnosis, diagnose, side_by_side, with_pictures
+from pipeline.diagnosis import Diagnosis, completed, diagnose, side_by_side, with_pictures
 from pipeline.model_file import Content
 
 #: Effects are added so many times at most.
@@ -57,9 +57,9 @@ def improve(client: Client | None, asked: Asked) -> Improvement:
     model, belief, content = asked.model, asked.belief, asked.content
     rows = [_first_row(model, belief)]
     diagnoses: list[Diagnosis] = []
-    start = belief
+    start, of_base = belief, None
     while True:
-        found = diagnose(client, model, belief, content, start)
+        found = completed(client, diagnose(client, model, belief, content, start), belief, of_base)
         if not diagnoses:
             rows.append(_row("calibrated", found.version(found.base), found.held_out.get(NOTHING, {})))
         diagnoses.append(found)
@@ -69,6 +69,7 @@ def improve(client: Client | None, asked: Asked) -> Improvement:
         content = found.supported_content
         rows.append(_row(" + ".join(content.effects), found.version(best), found.held_out.get(best.name, {})))
         model, start = model_of(model.campaign, content), fitted(best.fit)
+        of_base = found.held_out.get(best.name)
     added = tuple(name for name in content.effects if name not in asked.content.effects)
     return Improvement(
         diagnoses=diagnoses,

@@ -54,8 +54,7 @@ def _approached(problem: Problem, starts: Sequence[Array], free: NDArray[np.bool
     climb = Climb(problem, free)
     order = np.argsort([climb.posterior(start)[0] for start in starts])[::-1][:climbed]
     ends = [climb.approach(starts[index], START_GAIN) for index in order]
-    best = max(ends, key=lambda end: climb.posterior(end)[0]) if len(ends) > 1 else ends[0]
-    return best, climb.evaluations
+    return max(ends, key=lambda end: end.log_posterior).values, climb.evaluations
 
 
 def _displaced(parameters: Sequence[Parameter], start: Array, free: NDArray[np.bool_]) -> list[Array]:

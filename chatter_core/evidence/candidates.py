@@ -23,7 +23,7 @@ SMALLEST_PROMISE = 0.3
 #: Of all starts so many of the best are climbed from.
 CLIMBED = 2
 #: What is ranked need not be known better than this [nats].
-LEFT_GAIN = 0.1
+LEFT_GAIN = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,12 +91,12 @@ def slope_of(hypothesis: Hypothesis) -> Array:
 
 
 def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Hypothesis, slope: Array) -> Hypothesis:
-    """Fit a model with effects, starting from one that is nested in it.
+    """Fit a model with effects, starting from one that is nested in it, to near its maximum.
 
     slope: ``slope_of(nested)``. The last of the candidates is new: it is looked at with several strengths and shapes,
     since a displaced resonance has no slope that would lead to it, and with everything else where the slope says that
     it would go. Where neither a step from its null nor any of these promises anything, that is where it stays: the
-    score test of the effect.
+    score test of the effect. What comes near the truth is worth a ``refit``.
 
     See docs/physics.md#diagnosis.
     """
@@ -104,38 +104,56 @@ def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Hy
     own, known = carried(comparison, nested.fit), _in_order(comparison, nested.comparison, slope)
     added = np.array([parameter in new.term.parameters for parameter in comparison.parameters])
     climb = Climb(comparison, free_parameters(comparison, (), own))
-    height, at_null = climb.posterior(own)
-    jacobian = known + climb.derivatives(own, at_null, climb.width, added)[0]
-    starts = _starts(comparison, own, new)
-    promised = [climb.promise(own, at_null, jacobian), *_promises(climb, own, starts, known)]
-    likely = [index for index in np.argsort(promised)[::-1][:CLIMBED] if promised[index] >= SMALLEST_PROMISE]
-    ends = [climb.approach([own, *starts][index], START_GAIN, known, added) for index in likely]
-    if all(climb.posterior(end)[0] < height + SMALLEST_PROMISE for end in ends):
-        fit = result(comparison, climb.stay(own, jacobian), climb.evaluations, -np.inf)
-    else:
-        fit = result(comparison, maximise(comparison, ends, climb.free, 1, LEFT_GAIN), climb.evaluations, height)
+    at_null = climb.posterior(own)[1]
+    found = climb.stay(own, known + climb.derivatives(own, at_null, climb.width, added)[0])
+    promised = [(climb.promise_of(found), own), *_promises(climb, own, known, new)]
+    smooth, rows = Climb(comparison.smooth or comparison, climb.free), _smooth_rows(at_null)
+    for promise, start in sorted(promised, key=lambda one: -one[0])[:CLIMBED]:
+        if promise >= SMALLEST_PROMISE:
+            ahead = smooth.approach(start, START_GAIN, known[rows], added)
+            end = climb.approach(ahead.values, START_GAIN, known, added)
+            found = end if end.log_posterior > found.log_posterior + SMALLEST_PROMISE else found
+    fit = result(comparison, found, climb.evaluations, -np.inf)
     return Hypothesis(candidates=tuple(candidates), comparison=comparison, fit=fit)
 
 
-def _promises(climb: Climb, own: Array, starts: Sequence[Array], known: Array) -> list[float]:
-    """Return what each start promises over the null, by itself or once everything else has followed it [nats].
+def _promises(climb: Climb, own: Array, known: Array, new: Candidate) -> list[tuple[float, Array]]:
+    """Return starts of an effect, and what each promises over its null [nats].
+
+    Each shape is looked at with the middle strength, the best of them with the others too.
+    """
+    comparison = climb.problem
+    assert isinstance(comparison, Comparison)
+    worth = _Worth(climb, own, known)
+    middle = [(worth.of(start), start) for start in _starts(comparison, own, new, AMPLITUDES[1:2], SHAPES)]
+    best = sorted(middle, key=lambda one: -one[0])[:CLIMBED]
+    weaker_and_stronger = (AMPLITUDES[0], *AMPLITUDES[2:])
+    others = [start for _, shaped in best for start in _starts(comparison, shaped, new, weaker_and_stronger, ())]
+    return [*middle, *((worth.of(start), start) for start in others)]
+
+
+class _Worth:
+    """What places promise over the null of an effect, by themselves or once everything else has followed [nats].
 
     Where chatter frequencies go then is not foreseen: they jump. So either all data count, and nothing follows, or
     the smooth ones, and everything does.
     """
-    height, at_null = climb.posterior(own)
-    smooth = _smooth_rows(at_null)
-    slope = np.where(smooth[:, None], known, 0.0)
 
-    def followed(values: Array, evaluation: Evaluation, reached: float) -> float:
-        unforeseen = evaluation.log_density[evaluation.datum[~smooth]].sum()
-        return reached - float(unforeseen) + climb.promise(values, evaluation, slope)
+    def __init__(self, climb: Climb, own: Array, known: Array) -> None:
+        self.climb = climb
+        self.height, at_null = climb.posterior(own)
+        self.smooth = _smooth_rows(at_null)
+        self.slope = np.where(self.smooth[:, None], known, 0.0)
+        self.rest = self._followed(own, at_null, self.height)
 
-    rest, found = followed(own, at_null, height), []
-    for start in starts:
-        reached, there = climb.posterior(start)
-        found.append(max(reached - height, followed(start, there, reached) - rest))
-    return found
+    def of(self, values: Array) -> float:
+        """Return what values (parameter,) promise."""
+        reached, there = self.climb.posterior(values)
+        return max(reached - self.height, self._followed(values, there, reached) - self.rest)
+
+    def _followed(self, values: Array, evaluation: Evaluation, reached: float) -> float:
+        unforeseen = evaluation.log_density[evaluation.datum[~self.smooth]].sum()
+        return reached - float(unforeseen) + self.climb.promise(values, evaluation, self.slope)
 
 
 def _smooth_rows(evaluation: Evaluation) -> NDArray[np.bool_]:
@@ -163,7 +181,7 @@ def refit(hypothesis: Hypothesis, start: Fit) -> Hypothesis:
     comparison = hypothesis.comparison
     own = carried(comparison, start)
     free = free_parameters(comparison, (), own)
-    found = result(comparison, maximise(comparison, [own], free, 1), 0, -np.inf)
+    found = result(comparison, maximise(comparison, [own], free, 1, LEFT_GAIN), 0, -np.inf)
     return hypothesis if found.log_posterior <= hypothesis.fit.log_posterior else replace(hypothesis, fit=found)
 
 
@@ -176,23 +194,29 @@ def carried(comparison: Comparison, fit: Fit) -> Array:
     return np.array([known.get(parameter.name, parameter.null) for parameter in comparison.parameters])
 
 
-def _starts(comparison: Comparison, own: Array, new: Candidate) -> list[Array]:
-    """Return starts (parameter,) at several strengths and shapes of a candidate."""
+def _starts(
+    comparison: Comparison, own: Array, new: Candidate, amplitudes: Sequence[float], shapes: Sequence[float]
+) -> list[Array]:
+    """Return starts (parameter,) at strengths and shapes of a candidate, in widths of their priors.
+
+    To both sides where its strength can go there; without shapes, or where it has none, ``own`` has them.
+    """
     place = {parameter.name: index for index, parameter in enumerate(comparison.parameters)}
-    strengths = [sign * size for size in AMPLITUDES for sign in (1.0, -1.0)]
-    shapes = [p for p in new.term.parameters if p.name in new.shapes]
+    strengths = [sign * size for size in amplitudes for sign in (1.0, -1.0)]
+    # Of several shapes the first is the one that displaces: a frequency, an exponent.
+    displacing = [p for p in new.term.parameters if p.name in new.shapes][:1] if shapes else []
     starts: list[Array] = []
-    for strength, shape in itertools.product(strengths, SHAPES if shapes else (0.0,)):
+    for strength, shape in itertools.product(strengths, shapes if displacing else (0.0,)):
         start = own.copy()
         for parameter in new.amplitudes:
             start[place[parameter.name]] = _within(parameter, parameter.null + strength * parameter.prior_width)
-        # Of several shapes the first is the one that displaces: a frequency, an exponent.
-        for parameter in shapes[:1]:
+        for parameter in displacing:
             start[place[parameter.name]] = _within(parameter, parameter.prior_mean + shape * parameter.prior_width)
-        if not any(np.array_equal(start, other) for other in [own, *starts]):
+        # An amplitude that cannot go to one side stays at its null there, and so does the model.
+        moved = any(start[place[p.name]] != p.null for p in new.amplitudes)
+        if moved and not any(np.array_equal(start, other) for other in starts):
             starts.append(start)
-    # An amplitude that cannot go to one side stays at its null there, and so does the model.
-    return [start for start in starts if any(start[place[p.name]] != p.null for p in new.amplitudes)]
+    return starts
 
 
 def _within(parameter: Parameter, value: float) -> float:

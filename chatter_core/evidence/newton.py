@@ -117,8 +117,8 @@ class Climb:
 
     def approach(
         self, start: Array, smallest_gain: float, known: Array | None = None, added: NDArray[np.bool_] | None = None
-    ) -> Array:
-        """Return values (parameter,) near a maximum, where a step promises less than ``smallest_gain`` [nats].
+    ) -> Maximum:
+        """Climb to near a maximum, where a step promises less than ``smallest_gain`` [nats], with one Jacobian.
 
         known: Jacobian (coordinate, parameter) not far from the start, in units of the priors' widths, of which the
         columns ``added`` (parameter,) are missing; without it, all are. What is missing is found at the start. The
@@ -143,7 +143,7 @@ class Climb:
             damping, falls = damping * DAMPING_UP, falls + 1
             if falls == FALLS - 1:
                 jacobian = self.derivatives(here.values, here.evaluation, self.width)[0]
-        return here.values
+        return self._near(here, jacobian)
 
     def expected(self, values: Array, evaluation: Evaluation, jacobian: Array) -> tuple[Array, Array]:
         """Return gradient and information of the log posterior, in units of the priors' widths, by a Jacobian."""
@@ -152,17 +152,25 @@ class Climb:
 
     def promise(self, values: Array, evaluation: Evaluation, jacobian: Array) -> float:
         """Return what a step from values (parameter,) promises [nats], no longer than a step may be."""
-        gradient, information = self.expected(values, evaluation, jacobian)
+        return self._promise(values, *self.expected(values, evaluation, jacobian))
+
+    def promise_of(self, found: Maximum) -> float:
+        """Return what a step from where a climb ended promises [nats], no longer than a step may be."""
+        return self._promise(found.values, found.gradient, found.information)
+
+    def _promise(self, values: Array, gradient: Array, information: Array) -> float:
         step, _ = _step(gradient, information, self.free & ~self._held(values, gradient), 0.0)
         share = min(1.0, self._room(step * self.width))
         return float(share * gradient @ step - 0.5 * share**2 * step @ information @ step)
 
     def stay(self, values: Array, jacobian: Array) -> Maximum:
         """Return values (parameter,) as where a climb ended; jacobian: (coordinate, parameter) there."""
-        here = self._place(values)
-        gradient, information = self.expected(values, here.evaluation, jacobian)
-        gain = self.promise(values, here.evaluation, jacobian)
-        return self._end(here, gradient, information, True, f"the next step promises {gain:.2g} nats")
+        return self._near(self._place(values), jacobian)
+
+    def _near(self, here: "_Place", jacobian: Array) -> Maximum:
+        gradient, information = self.expected(here.values, here.evaluation, jacobian)
+        gain = self._promise(here.values, gradient, information)
+        return self._end(here, gradient, information, False, f"not climbed: the next step promises {gain:.2g} nats")
 
     def _end(self, here: "_Place", gradient: Array, information: Array, converged: bool, reason: str) -> Maximum:
         return Maximum(

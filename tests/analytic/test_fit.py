@@ -143,7 +143,7 @@ def test_an_approach_comes_near_the_maximum_with_one_jacobian(kind):
     climbed = len(asked)
     asked.clear()
     climb = Climb(problem, free)
-    near = climb.approach(start, 0.05)
+    near = climb.approach(start, 0.05).values
     # What a step promises is told by a Jacobian that is not that of the place; a climb follows an approach.
     assert climb.posterior(near)[0] == pytest.approx(best.log_posterior, abs=1.0)
     # A climb takes differences by every parameter at every step.
@@ -156,7 +156,7 @@ def test_an_approach_goes_on_with_a_jacobian_that_is_known_and_finds_what_is_mis
     whole = climb.derivatives(start, problem.evaluate(start), climb.width)[0]
     last = np.array([False, False, True])
     asked.clear()
-    near = climb.approach(start, 1e-6, np.where(last, 0.0, whole), last)
+    near = climb.approach(start, 1e-6, np.where(last, 0.0, whole), last).values
     # The start, one difference, and the two steps that a linear problem may take: the second one tells that it ended.
     assert len(asked) <= 4
     assert near == pytest.approx(maximise(problem, [start], free, smallest_gain=1e-9).values, abs=1e-3)
