@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from chatter_core.evidence.assessment import WIDTHS, Assessment, Version
 from chatter_core.evidence.boundary import Field
 from chatter_core.evidence.likelihood import frequency_residual, line_errors
-from chatter_core.evidence.measured import OUTCOMES, Receptance, Trials
+from chatter_core.evidence.measured import OUTCOMES, Receptance, Trials, measuring_ranges
 from chatter_core.evidence.scores import COVERAGE
 from chatter_core.machine import Machine
 from chatter_core.units import si_factor
@@ -192,9 +192,10 @@ def _magnitude(axes: Axes, found: Assessment, number: int, measured: Receptance)
 def _receptance_residual(axes: Axes, found: Assessment, number: int, measured: Receptance) -> None:
     """Draw the root mean square of both parts of the difference, in standard deviations of a part."""
     hertz = measured.frequency / HERTZ
+    errors = line_errors(measured.value, measuring_ranges(found.comparison.model.campaign.receptances)[number])
     for version, colour, line, _ in _versions(found):
         apart = measured.value - version.compared.prediction.receptances[number]
-        standard = np.abs(apart) / (np.sqrt(2.0) * line_errors(measured.value))
+        standard = np.abs(apart) / (np.sqrt(2.0) * errors)
         axes.plot(hertz, standard, line, color=colour, linewidth=1.0)
     axes.axhline(1.0, color="black", linewidth=0.8)
     if len(hertz) > 1:

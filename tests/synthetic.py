@@ -7,7 +7,7 @@ import numpy as np
 from chatter_core.evidence import Campaign, CampaignModel, base_model, likelihood
 from chatter_core.evidence.columns import NO_WORD
 from chatter_core.evidence.comparison import Comparison
-from chatter_core.evidence.measured import OUTCOMES, Receptance, Trials
+from chatter_core.evidence.measured import OUTCOMES, Receptance, Trials, measuring_ranges
 from chatter_core.evidence.parameters import column
 from chatter_core.machine import Machine
 
@@ -86,9 +86,11 @@ def measured(planned: Campaign, truth, rng, effects=()) -> Campaign:
     elsewhere = frequency + spacing * rng.uniform(-0.5, 0.5, len(plan))
     frequency = np.where(rng.random(len(plan)) < likelihood.FREQUENCY_ELSEWHERE, elsewhere, near)
     responses = []
-    for one, value in zip(planned.receptances, prediction.receptances, strict=True):
-        noise = rng.standard_normal((2, len(value)))
-        responses.append(replace(one, value=value + likelihood.line_errors(value) * (noise[0] + 1j * noise[1])))
+    exact = [replace(one, value=h) for one, h in zip(planned.receptances, prediction.receptances, strict=True)]
+    for one, largest in zip(exact, measuring_ranges(exact), strict=True):
+        noise = rng.standard_normal((2, len(one.value)))
+        error = likelihood.line_errors(one.value, largest)
+        responses.append(replace(one, value=one.value + error * (noise[0] + 1j * noise[1])))
     outcome = np.where(chatter, OUTCOMES.index("chatter"), OUTCOMES.index("stable")).astype(np.int8)
     return replace(
         planned,

@@ -7,6 +7,7 @@ import numpy as np
 
 from chatter_core.evidence import likelihood
 from chatter_core.evidence.likelihood import Contribution
+from chatter_core.evidence.measured import measuring_ranges
 from chatter_core.evidence.nuisances import (
     TYPICAL_MARGINAL_WIDTH,
     TYPICAL_MISLABELLED,
@@ -67,8 +68,11 @@ class Comparison:
         return replace(self, quantities=kept) if jumps and kept and kept != self.quantities else None
 
     @cached_property
-    def _facts(self) -> tuple[float, ...]:
-        return tuple(likelihood.facts(measured.value) for measured in self.model.campaign.receptances)
+    def _facts(self) -> tuple[tuple[float, float], ...]:
+        """Independent numbers and measuring range [m/N] of each response."""
+        responses = self.model.campaign.receptances
+        pairs = zip(responses, measuring_ranges(responses), strict=True)
+        return tuple((likelihood.facts(one.value, largest), largest) for one, largest in pairs)
 
     def compare(self, values: Array, near: Prediction | None = None) -> Compared:
         """Predict at values (parameter,) and return what every measured quantity says of it.
@@ -130,7 +134,7 @@ class Comparison:
         if not prediction.receptances:
             return {}
         pairs = zip(self.model.campaign.receptances, prediction.receptances, self._facts, strict=True)
-        parts = [likelihood.receptance(measured.value, predicted, count) for measured, predicted, count in pairs]
+        parts = [likelihood.receptance(measured.value, predicted, *facts) for measured, predicted, facts in pairs]
         return {
             "receptance": Contribution(
                 log_density=np.concatenate([part.log_density for part in parts]),

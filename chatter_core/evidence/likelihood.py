@@ -120,29 +120,33 @@ def chatter_frequency(measured: Array, residual: Array, tooth_passing: Array) ->
     return Contribution(log_density=density, coordinates=unit * standard[:, None], score=score[:, None] / unit)
 
 
-def line_errors(value: ComplexArray) -> Array:
-    """Return the standard deviation of both parts of every line (line,) [m/N].
+def line_errors(value: ComplexArray, largest: float) -> Array:
+    """Return the standard deviation of both parts of every line (line,) [m/N]; largest: the measuring range [m/N].
 
     See docs/physics.md#likelihoods.
     """
-    size = np.abs(value)
-    return np.asarray(np.hypot(LINE_ERROR * size, FLOOR_ERROR * size.max()))
+    return np.asarray(np.hypot(LINE_ERROR * np.abs(value), FLOOR_ERROR * largest))
 
 
-def facts(value: ComplexArray) -> float:
+def facts(value: ComplexArray, largest: float) -> float:
     """Return how many independent numbers a measured response (line,) holds.
 
     Neighbouring lines repeat each other: a resonance is four numbers, over however many lines it spreads. With
     u = H / error, the number of resonances that stand out of the errors is the width over which u is large,
     (sum |u|^2)^2 / sum |u|^4 lines, over the length along which it is like itself, the sum of its
     autocorrelation up to its first zero, to both sides. Were the error the same on every line, either would be
-    pi B for a single resonance of half-power bandwidth B. Never more than the numbers that were measured.
+    pi B for a single resonance of half-power bandwidth B. Never more than the numbers that were measured. What does
+    not stand out of the noise holds nothing; largest: the measuring range [m/N].
 
     See docs/physics.md#likelihoods.
     """
     if len(value) < 2 or not value.any():
         return 2.0 * len(value)
-    signal = value / line_errors(value)
+    signal = value / line_errors(value, largest)
+    # Of so many lines of noise, each the square of two normal numbers, one is larger than this by chance.
+    signal = np.where(np.abs(signal) ** 2 > 2.0 * np.log(len(value)), signal, 0.0)
+    if not signal.any():
+        return float(min(FACTS_OF_A_PEAK, 2.0 * len(value)))
     power = np.abs(signal) ** 2
     alike = np.fft.ifft(np.abs(np.fft.fft(signal, 2 * len(value))) ** 2)[: len(value)].real / power.sum()
     # Beyond its first zero the correlation is that of other resonances.
@@ -152,14 +156,14 @@ def facts(value: ComplexArray) -> float:
     return float(min(FACTS_OF_A_PEAK * max(peaks, 1.0), 2.0 * len(value)))
 
 
-def receptance(measured: ComplexArray, predicted: ComplexArray, independent: float) -> Contribution:
+def receptance(measured: ComplexArray, predicted: ComplexArray, independent: float, largest: float) -> Contribution:
     """Return what the lines (line,) of a response say, weighted to weigh ``independent`` numbers together.
 
-    An unknown prediction counts as a tip that does not move.
+    An unknown prediction counts as a tip that does not move; largest: the measuring range [m/N].
 
     See docs/physics.md#likelihoods.
     """
-    error = line_errors(measured)
+    error = line_errors(measured, largest)
     residual = (measured - np.where(np.isnan(predicted), 0.0, predicted)) / error
     weight = independent / (2.0 * len(residual))
     density = -0.5 * np.abs(residual) ** 2 - np.log(2.0 * np.pi * error**2)

@@ -4,6 +4,8 @@ Speeds and frequencies are in rad/s, depths and displacements in m, forces in N.
 holds the position of the word among the choices that stand beside it.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -166,6 +168,26 @@ class Receptance:
     def is_direct(self) -> bool:
         """Whether force and displacement are along one axis."""
         return self.output_axis == self.input_axis
+
+
+def measuring_ranges(responses: Sequence[Receptance]) -> tuple[float, ...]:
+    """Return the largest value that was measured along with each response [m/N], of which a share is noise.
+
+    That of a direct response is its own. One across the axes may hold nothing but noise and what the sensors catch of
+    the other axis: it has the geometric mean of both direct ones, at the nearest speed at which they were measured.
+
+    See docs/physics.md#likelihoods.
+    """
+    return tuple(_measuring_range(one, responses) for one in responses)
+
+
+def _measuring_range(one: Receptance, responses: Sequence[Receptance]) -> float:
+    largest = []
+    for axis in (one.output_axis, one.input_axis):
+        direct = [other for other in responses if other.is_direct and other.output_axis == axis]
+        nearest = min(direct, key=lambda other: abs(other.spindle_speed - one.spindle_speed), default=one)
+        largest.append(float(np.abs((one if one.is_direct else nearest).value).max()))
+    return math.sqrt(largest[0] * largest[1])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -164,7 +164,7 @@ class CampaignModel:
         prediction: of the cuts, whose bearings and modes are taken over.
         """
         depth = self.cuts.axial_depth * np.exp(offset)
-        result = without_result(len(depth), max(int(built.modes.label.max()) for built in prediction.structures))
+        result = without_result(len(depth), max(int(built.cut_modes.label.max()) for built in prediction.structures))
         for group, built in zip(self.cuts.groups, prediction.structures, strict=True):
             for setup in group.setups:
                 stages = self.stages(prediction.values, setup.machine)

@@ -9,7 +9,7 @@ from scipy import stats
 from chatter_core.evidence import likelihood
 from chatter_core.evidence.bands import CHANCE
 from chatter_core.evidence.campaign import Campaign
-from chatter_core.evidence.measured import Receptance
+from chatter_core.evidence.measured import Receptance, measuring_ranges
 from chatter_core.evidence.prediction import Prediction
 from chatter_core.evidence.stages import ComplexArray, Indices
 from chatter_core.units import si_factor
@@ -43,13 +43,15 @@ def misfits(campaign: Campaign, prediction: Prediction) -> list[Misfit]:
     See docs/physics.md#comparison.
     """
     bands = [
-        (measured, predicted, mode, lines)
-        for measured, predicted in zip(campaign.receptances, prediction.receptances, strict=True)
+        (measured, largest, predicted, mode, lines)
+        for measured, largest, predicted in zip(
+            campaign.receptances, measuring_ranges(campaign.receptances), prediction.receptances, strict=True
+        )
         for mode, lines in _bands(measured, prediction)
     ]
     found = []
-    for measured, predicted, mode, lines in bands:
-        error = likelihood.line_errors(measured.value)[lines]
+    for measured, largest, predicted, mode, lines in bands:
+        error = likelihood.line_errors(measured.value, largest)[lines]
         apart = measured.value[lines] - np.nan_to_num(predicted[lines])
         # Both parts of a line have that error each.
         square = float((np.abs(apart / error) ** 2).mean()) / 2.0

@@ -13,7 +13,7 @@ from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.comparison import Compared, Comparison
 from chatter_core.evidence.likelihood import balanced_error, facts, frequency_residual, outcome
 from chatter_core.evidence.margin import REACH
-from chatter_core.evidence.measured import OUTCOMES
+from chatter_core.evidence.measured import OUTCOMES, measuring_ranges
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.prediction import Prediction
 
@@ -103,10 +103,12 @@ def structure_scores(campaign: Campaign, compared: Compared) -> dict[str, Score]
     """
     found, prediction = {}, compared.prediction
     if campaign.receptances:
-        pairs = zip(campaign.receptances, prediction.receptances, strict=True)
-        apart = [np.linalg.norm(one.value - np.nan_to_num(h)) / np.linalg.norm(one.value) for one, h in pairs]
+        triples = zip(campaign.receptances, measuring_ranges(campaign.receptances), prediction.receptances, strict=True)
+        # A response across the axes may hold nothing but noise.
+        direct = [one for one in triples if one[0].is_direct or not any(r.is_direct for r in campaign.receptances)]
+        apart = [np.linalg.norm(one.value - np.nan_to_num(h)) / np.linalg.norm(one.value) for one, _, h in direct]
         # The parts of a response scatter and not its norm: an interval knows as many numbers as they hold.
-        found["receptance"] = _root_mean_square(np.array(apart), sum(facts(one.value) for one in campaign.receptances))
+        found["receptance"] = _root_mean_square(np.array(apart), sum(facts(one.value, top) for one, top, _ in direct))
     modes, stiffness = campaign.natural_frequencies, campaign.stiffness
     if modes is not None:
         found["natural_frequency"] = _log_error(modes.natural_frequency, prediction.natural_frequency)

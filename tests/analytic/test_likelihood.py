@@ -1,11 +1,13 @@
 """Likelihoods against closed forms and scipy.stats."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import integrate, stats
 
 from chatter_core.evidence import likelihood
-from chatter_core.evidence.measured import OUTCOMES
+from chatter_core.evidence.measured import OUTCOMES, Receptance, measuring_ranges
 
 STABLE, MARGINAL, CHATTER = range(3)
 HZ = 2.0 * np.pi
@@ -130,12 +132,17 @@ def test_the_score_is_the_slope_of_the_log_density_along_the_coordinates(residua
         *of_label,
         lambda shift: likelihood.chatter_frequency(measured, np.array([(residual + shift) * HZ]), passing),
         lambda shift: likelihood.gaussian(np.array([residual + shift]), 3.0),
-        lambda shift: likelihood.receptance(np.array([1.0 + 2.0j]), np.array([(0.4 + 0.1j) * (1.0 + shift)]), 0.7),
+        lambda shift: likelihood.receptance(np.array([1.0 + 2.0j]), np.array([(0.4 + 0.1j) * (1.0 + shift)]), 0.7, 2.0),
     ]
     for kind in kinds:
         (before, low, _), (_, _, score), (after, high, _) = (numbers_of(kind(h)) for h in (-1e-5, 0.0, 1e-5))
         # Central differences over 1e-5: their square, and the rounding of a log density of some units.
         assert score @ (high - low) == pytest.approx(after - before, rel=1e-6, abs=1e-13)
+
+
+def facts(value):
+    """Facts of a direct response, which is its own measuring range."""
+    return likelihood.facts(value, np.abs(value).max())
 
 
 def lorentzian(frequency, natural, damping):
@@ -145,9 +152,9 @@ def lorentzian(frequency, natural, damping):
 @pytest.mark.parametrize("lines", [400, 800, 1600])
 def test_facts_do_not_grow_with_the_number_of_lines(lines):
     frequency = np.linspace(100.0, 1100.0, lines)
-    one = likelihood.facts(lorentzian(frequency, 600.0, 0.03))
-    two = likelihood.facts(lorentzian(frequency, 400.0, 0.02) + lorentzian(frequency, 800.0, 0.02))
-    reference = likelihood.facts(lorentzian(np.linspace(100.0, 1100.0, 6400), 600.0, 0.03))
+    one = facts(lorentzian(frequency, 600.0, 0.03))
+    two = facts(lorentzian(frequency, 400.0, 0.02) + lorentzian(frequency, 800.0, 0.02))
+    reference = facts(lorentzian(np.linspace(100.0, 1100.0, 6400), 600.0, 0.03))
     assert one == pytest.approx(reference, rel=0.02)
     # A resonance is four numbers, somewhat more where the error follows its flanks.
     assert 4.0 <= one <= 8.0
@@ -155,9 +162,29 @@ def test_facts_do_not_grow_with_the_number_of_lines(lines):
 
 
 def test_facts_are_never_more_than_what_was_measured():
-    assert likelihood.facts(np.array([1.0 + 1.0j])) == 2.0
-    assert likelihood.facts(np.array([1.0j, 0.5])) == 4.0
-    assert likelihood.facts(np.zeros(3, dtype=complex)) == 6.0
+    assert facts(np.array([1.0 + 1.0j])) == 2.0
+    assert facts(np.array([1.0j, 0.5])) == 4.0
+    assert facts(np.zeros(3, dtype=complex)) == 6.0
+
+
+def test_noise_across_the_axes_holds_no_more_facts_than_one_peak():
+    frequency = np.linspace(100.0, 1100.0, 881)
+    direct = [Receptance(
+        source="", spindle_speed=0.0, output_axis=axis, input_axis=axis, frequency=frequency,
+        value=size * lorentzian(frequency, 600.0, 0.03),
+    ) for axis, size in ((0, 1.0), (1, 4.0))]  # fmt: skip
+    rng = np.random.default_rng(5)
+    largest = 2.0 * np.abs(direct[0].value).max()
+    noise = likelihood.FLOOR_ERROR * largest * (rng.standard_normal(881) + 1j * rng.standard_normal(881))
+    across = replace(direct[0], output_axis=1, value=noise)
+    ranges = measuring_ranges([*direct, across])
+    assert ranges == pytest.approx([0.5 * largest, 2.0 * largest, largest])
+    assert likelihood.facts(noise, ranges[2]) <= 2.0 * likelihood.FACTS_OF_A_PEAK
+    # A model that has nothing there is right: no line is off by more than noise. Two deviations of a chi-square mean.
+    nothing = likelihood.receptance(noise, np.zeros_like(noise), 2.0 * 881, ranges[2])
+    assert (nothing.coordinates**2).mean() == pytest.approx(1.0, abs=2.0 * np.sqrt(2.0 / 1762.0))
+    # Alone it has no other measure than itself.
+    assert measuring_ranges([across]) == (np.abs(noise).max(),)
 
 
 def test_lines_of_a_response_are_normal_in_both_parts():
@@ -166,14 +193,14 @@ def test_lines_of_a_response_are_normal_in_both_parts():
     error = np.hypot(0.04 * np.abs(measured), 0.02 * np.abs(measured).max())
     apart = measured - predicted
     expected = stats.norm.logpdf(apart.real, scale=error) + stats.norm.logpdf(apart.imag, scale=error)
-    found = likelihood.receptance(measured, predicted, independent=4.0)
+    found = likelihood.receptance(measured, predicted, independent=4.0, largest=np.abs(measured).max())
     assert found.log_density == pytest.approx(expected, rel=1e-13)
     # As many facts as half of the numbers: half the weight.
-    half = likelihood.receptance(measured, predicted, independent=2.0)
+    half = likelihood.receptance(measured, predicted, independent=2.0, largest=np.abs(measured).max())
     assert half.log_density == pytest.approx(0.5 * expected, rel=1e-13)
     assert (half.coordinates**2).sum() == pytest.approx(0.5 * (np.abs(apart / error) ** 2).sum(), rel=1e-13)
-    unknown = likelihood.receptance(measured, np.full(2, np.nan + 0j), independent=4.0)
-    still = likelihood.receptance(measured, np.zeros(2, dtype=complex), independent=4.0)
+    unknown = likelihood.receptance(measured, np.full(2, np.nan + 0j), independent=4.0, largest=np.abs(measured).max())
+    still = likelihood.receptance(measured, np.zeros(2, dtype=complex), independent=4.0, largest=np.abs(measured).max())
     assert unknown.log_density == pytest.approx(still.log_density)
 
 

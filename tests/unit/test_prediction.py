@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from chatter_core import chain, tip
+from chatter_core.effects import variants
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, base_model
 from chatter_core.evidence.measured import (
@@ -248,6 +249,19 @@ def test_an_effect_joins_the_vector_and_its_null_is_the_base_model():
     # Speed squared: nothing at rest, 0.1 times (600/1000)^2 at 600 rad/s.
     expected = plain.natural_frequency * [1.0, 1.0, 1.036]
     assert changed.natural_frequency == pytest.approx(expected, rel=1e-9, nan_ok=True)
+
+
+def test_a_mode_that_only_the_cut_feels_is_judged_with_the_others():
+    measured = everything(tip_machine())
+    (effect,) = [one for one in variants("workpiece_mode") if one.axis == "y"]
+    model = base_model(measured, effects=(effect,))
+    values = model.nulls.copy()
+    values[[p.name for p in model.parameters].index("workpiece_mode.compliance_um_n")] = 0.5
+    prediction = model.predict(values)
+    found = model.stability(prediction, np.zeros(len(model.cuts)))
+    highest = int(prediction.structures[0].modes.label.max())
+    assert found.mode_share.shape == (len(model.cuts), highest + 1)
+    assert np.isfinite(found.spectral_radius).all()
 
 
 def test_two_terms_cannot_share_a_name():

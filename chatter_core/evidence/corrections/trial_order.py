@@ -73,7 +73,7 @@ class OrderedModel(CampaignModel):
     def stability(self, prediction: Prediction, offset: Array) -> Stability:
         """Return the stability of every cut as ``CampaignModel`` does."""
         assert isinstance(prediction, OrderedPrediction)
-        highest = max(int(built.modes.label.max()) for built in prediction.structures)
+        highest = max(int(built.cut_modes.label.max()) for built in prediction.structures)
         result = without_result(len(self.cuts), highest)
         for model, rows, part in zip(self.models, self.stretches, prediction.parts, strict=True):
             result.overwrite(rows, model.stability(part, offset[rows]))
