@@ -14,6 +14,7 @@ from chatter_core.evidence.assessment import Assessment, Version, curvature, ver
 from chatter_core.evidence.belief import Belief, fitted
 from chatter_core.evidence.candidates import Candidate, Hypothesis, fit_hypothesis, refit, slope_of
 from chatter_core.evidence.held_out import together
+from chatter_core.evidence.next_measurement import NextMeasurement, next_receptances, of_cut, other_cuts
 from chatter_core.evidence.next_trial import NextTrial, next_trial
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.power import Power, power
@@ -45,7 +46,8 @@ class Diagnosis:
 
     base: the model as it was, calibrated; ranking: nothing missing and single effects; pair: the best pair, None
     where none was tried; powers: of every candidate; judged: the base model and the best ones held against the
-    campaign, by name; held_out: scores on cuts held out, by name; next_trial: what would part the two best;
+    campaign, by name; held_out: scores on cuts held out, by name; next_trial: the cut that would part the two best;
+    next_measurements: that one and others, what is most worth its cost first;
     before_and_after: the base model and the best one with their lobes, for pictures, None where nothing is missing;
     corrections: without a formula, where the verdict is ``unexplained``.
     """
@@ -59,6 +61,7 @@ class Diagnosis:
     verdict: Verdict
     held_out: dict[str, dict[str, Score]] = field(default_factory=dict)
     next_trial: NextTrial | None = None
+    next_measurements: list[NextMeasurement] = field(default_factory=list)
     before_and_after: Assessment | None = None
     corrections: Corrections | None = None
 
@@ -104,7 +107,10 @@ def check_enough(model: CampaignModel) -> None:
 
 
 def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
-    """Return every effect that the model lacks and that can act on its machine, in all its variants."""
+    """Return every effect that the model lacks and that can act on its machine, in all its variants.
+
+    Those that act last in the chain come first: unequal teeth take longest, and no worker should be left with them.
+    """
     found = []
     for name in effect_names(content.effects_path):
         restores = RESTORING.get(name)
@@ -125,7 +131,7 @@ def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
                     place=effect.place(),
                 )
             )
-    return found
+    return sorted(found, key=lambda candidate: candidate.place, reverse=True)
 
 
 def diagnose(
@@ -167,12 +173,31 @@ def completed(
     told_of = [one for one in _told_of_others(found) if of_base is None or one is not found.base]
     known = {} if of_base is None else {NOTHING: of_base}
     first, second = (one.best for one in found.ranking[:2]) if len(found.ranking) > 1 else (found.base, found.base)
+    cut, measurements = _next(client, first, second)
     return replace(
         found,
         held_out=known | _held_out(client, told_of, belief),
-        next_trial=next_trial(first, second),
+        next_trial=cut,
+        next_measurements=measurements,
         corrections=correct(client, found.base) if found.verdict.kind == "unexplained" else None,
     )
+
+
+def _next(
+    client: Client | None, first: Hypothesis, second: Hypothesis
+) -> tuple[NextTrial | None, list[NextMeasurement]]:
+    """Return the cut that would part two hypotheses, and all measurements that would, by what they are worth."""
+    kinds: dict[str, dict[str, float]] = {"cut": {}, **other_cuts(first.comparison.model.campaign.machine)}
+    found = spread_parts(
+        client,
+        {
+            "cuts": [Job(name=kind, call=partial(next_trial, first, second, **own)) for kind, own in kinds.items()],
+            "receptances": [Job(name="receptances", call=partial(next_receptances, first, second))],
+        },
+    )
+    cuts = dict(zip(kinds, found["cuts"], strict=True))
+    measurements = [*found["receptances"][0], *(of_cut(kind, one) for kind, one in cuts.items() if one is not None)]
+    return cuts["cut"], sorted(measurements, key=lambda one: -one.worth)
 
 
 def _ranking(

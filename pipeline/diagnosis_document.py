@@ -9,6 +9,7 @@ import pandas as pd
 from chatter_core.evidence.assessment import curvature
 from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.fit import Fit
+from chatter_core.evidence.next_measurement import NextMeasurement
 from chatter_core.evidence.power import ENOUGH
 from chatter_core.evidence.ranking import NOTHING, Ranked
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
@@ -19,6 +20,8 @@ from pipeline.diagnosis import Diagnosis
 
 #: Files.
 DOCUMENT, POWER = "diagnosis.json", "power.csv"
+#: Measurements that are told of, those most worth their cost.
+MEASUREMENTS = 5
 #: Why intervals are of the curvature alone.
 NOT_PROFILED = "not profiled: a diagnosis fits too many models"
 
@@ -53,6 +56,7 @@ def document(found: Diagnosis, campaign: str) -> dict[str, Any]:
         "corrections_text": None if found.corrections is None else found.corrections.text,
         "errors": errors(found),
         "next_trial": next_trial_data(found),
+        "next_measurements": [measurement_data(one) for one in found.next_measurements[:MEASUREMENTS]],
         "power": power_table(found).to_dict(orient="records"),
         "measured": measured(found.base.comparison.model.campaign),
     }
@@ -129,6 +133,21 @@ def next_trial_data(found: Diagnosis) -> dict[str, Any] | None:
         "expected_gain_nats": trial.expected_gain,
         "text": f"A cut at {speed:.0f} rpm and {depth:.3g} mm would chatter with {chances[0]} and {chances[1]}: "
         f"expected to tell {trial.expected_gain:.2g} nats.",
+    }
+
+
+def measurement_data(one: NextMeasurement) -> dict[str, Any]:
+    """Return a measurement that would part the two best hypotheses."""
+    speed = one.spindle_speed / si_factor("spindle_speed_rpm")
+    depth = None if one.axial_depth is None else one.axial_depth / si_factor("axial_depth_mm")
+    where = "at rest" if speed == 0.0 else f"at {speed:.0f} rpm" + ("" if depth is None else f" and {depth:.3g} mm")
+    return {
+        "kind": one.kind,
+        "spindle_speed_rpm": speed,
+        "axial_depth_mm": depth,
+        "expected_gain_nats": one.expected_gain,
+        "cost_in_cuts": one.cost,
+        "text": f"{one.kind} {where}: {one.expected_gain:.2g} nats for {one.cost:g} cut{'s' if one.cost > 1 else ''}",
     }
 
 

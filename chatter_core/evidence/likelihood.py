@@ -140,13 +140,13 @@ def facts(value: ComplexArray, largest: float) -> float:
 
     See docs/physics.md#likelihoods.
     """
-    if len(value) < 2 or not value.any():
+    if len(value) < 2:
         return 2.0 * len(value)
-    signal = value / line_errors(value, largest)
     # Of so many lines of noise, each the square of two normal numbers, one is larger than this by chance.
-    signal = np.where(np.abs(signal) ** 2 > 2.0 * np.log(len(value)), signal, 0.0)
-    if not signal.any():
+    loud = np.abs(value) > np.sqrt(2.0 * np.log(len(value))) * line_errors(value, largest)
+    if not loud.any():
         return float(min(FACTS_OF_A_PEAK, 2.0 * len(value)))
+    signal = np.where(loud, value, 0.0) / line_errors(value, largest)
     power = np.abs(signal) ** 2
     alike = np.fft.ifft(np.abs(np.fft.fft(signal, 2 * len(value))) ** 2)[: len(value)].real / power.sum()
     # Beyond its first zero the correlation is that of other resonances.

@@ -1,5 +1,6 @@
 """The cut that would part two hypotheses best: where what they expect differs most, their doubts included."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,15 +31,17 @@ class NextTrial:
     expected_gain: float
 
 
-def next_trial(one: Hypothesis, other: Hypothesis) -> NextTrial | None:
+def next_trial(one: Hypothesis, other: Hypothesis, **stated: float) -> NextTrial | None:
     """Return the cut whose label parts two hypotheses best; None without cuts, whose range is kept to.
+
+    stated: radial_immersion or feed_per_tooth [m] of the cut, where they are not the machine's.
 
     See docs/physics.md#diagnosis.
     """
     campaign = one.comparison.model.campaign
     if campaign.trials is None:
         return None
-    plan = _plan(campaign.trials)
+    plan = _plan(campaign.trials, stated)
     first, second = (_chatter(hypothesis, campaign, plan) for hypothesis in (one, other))
     gain = 0.5 * (first - second) * (_logit(first) - _logit(second))
     best = int(np.nan_to_num(gain).argmax())
@@ -50,12 +53,13 @@ def next_trial(one: Hypothesis, other: Hypothesis) -> NextTrial | None:
     )
 
 
-def _plan(trials: Trials) -> Trials:
-    """Return cuts over the range of some, set up as the machine is."""
+def _plan(trials: Trials, stated: Mapping[str, float]) -> Trials:
+    """Return cuts over the range of some, set up as the machine is but for what is stated."""
     speed = np.linspace(trials.spindle_speed.min(), trials.spindle_speed.max(), SPEEDS)
     depth = np.geomspace(trials.axial_depth.min(), trials.axial_depth.max(), DEPTHS)
     grid = [axis.ravel() for axis in np.meshgrid(speed, depth, indexing="ij")]
     nothing = np.full(len(grid[0]), np.nan)
+    setting = {name: np.full(len(grid[0]), value) for name, value in stated.items()}
     return Trials(
         trial=np.arange(len(grid[0])),
         spindle_speed=grid[0],
@@ -63,8 +67,8 @@ def _plan(trials: Trials) -> Trials:
         outcome=np.zeros(len(grid[0]), dtype=np.int8),
         chatter_frequency=nothing,
         preload=nothing,
-        radial_immersion=nothing,
-        feed_per_tooth=nothing,
+        radial_immersion=setting.get("radial_immersion", nothing),
+        feed_per_tooth=setting.get("feed_per_tooth", nothing),
         direction=np.full(len(grid[0]), NO_WORD, dtype=np.int8),
         unknown={},
     )

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from chatter_core.evidence.assessment import WIDTHS, dominant_modes
 from chatter_core.evidence.calibration import START_GAIN
-from chatter_core.evidence.candidates import Hypothesis, carried
+from chatter_core.evidence.candidates import LEFT_GAIN, Hypothesis, carried
 from chatter_core.evidence.comparison import Comparison
 from chatter_core.evidence.corrections.terms import TRIAL, Correction
 from chatter_core.evidence.corrections.trial_order import OrderedModel
 from chatter_core.evidence.failures import Failure, failures
 from chatter_core.evidence.fit import Fit, free_parameters, height, maximise, result
-from chatter_core.evidence.newton import Maximum
+from chatter_core.evidence.newton import Climb, Maximum
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.power import ENOUGH
 from chatter_core.evidence.prediction import CampaignModel
@@ -109,12 +109,9 @@ def _promise(stayed: Maximum, fit: Fit) -> float:
 
 def _climbed(comparison: Comparison, own: Array, free: NDArray[np.bool_]) -> Fit:
     """Return the fit from a start (parameter,): by what is smooth, then by everything."""
-    starts, spent = [own], 0
-    if comparison.smooth is not None:
-        first = maximise(comparison.smooth, [own], free, 1, START_GAIN)
-        starts, spent = [own, first.values], first.evaluations
-    found = maximise(comparison, starts, free, 1)
-    return result(comparison, found, spent, height(comparison, own))
+    first = Climb(comparison.smooth or comparison, free).approach(own, START_GAIN)
+    found = maximise(comparison, [own, first.values], free, 1, LEFT_GAIN)
+    return result(comparison, found, first.evaluations, height(comparison, own))
 
 
 def checks_failed(comparison: Comparison, fit: Fit, correction: Correction | None = None) -> list[Failure]:

@@ -1,0 +1,176 @@
+"""The measurement that would part two hypotheses best for what it costs: cuts of several kinds, and receptances."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from chatter_core.evidence.belief import Belief, fitted
+from chatter_core.evidence.campaign import Campaign
+from chatter_core.evidence.candidates import Hypothesis
+from chatter_core.evidence.comparison import Comparison
+from chatter_core.evidence.measured import Receptance
+from chatter_core.evidence.newton import Climb
+from chatter_core.evidence.next_trial import NextTrial
+from chatter_core.evidence.parameters import Array, column
+from chatter_core.evidence.prediction import CampaignModel
+from chatter_core.machine import Machine
+from chatter_core.tip import AXES
+
+#: What measurements cost, in cuts. A guess of what a shop spends on each: a hammer at rest, a probe without contact
+#: where the tool turns, and a cut with another feed or width is a cut.
+CUT, AT_REST, TURNING = 1.0, 3.0, 8.0
+#: More than this need not be known: it settles the question [nats].
+SETTLED = 10.0
+#: Feeds and widths that are tried, over those of the machine.
+OTHER_FEEDS, OTHER_WIDTHS = (0.4, 2.0), (0.5, 1.5)
+#: Frequencies of a planned receptance [rad/s], where none was measured that shows the range.
+FREQUENCIES = 2.0 * np.pi * np.linspace(100.0, 4000.0, 391)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NextMeasurement:
+    """A measurement that was not made: kind, in words; spindle_speed [rad/s]; axial_depth [m] of a cut, else None.
+
+    expected_gain: the evidence that it is expected to bring for the right one of two hypotheses [nats]; cost, in cuts.
+    """
+
+    kind: str
+    spindle_speed: float
+    axial_depth: float | None
+    expected_gain: float
+    cost: float
+
+    @property
+    def worth(self) -> float:
+        """Gain for its cost, as far as a gain is needed."""
+        return min(self.expected_gain, SETTLED) / self.cost
+
+
+def other_cuts(machine: Machine) -> dict[str, dict[str, float]]:
+    """Return kinds of cuts that differ from the machine's own in one setting, with that setting (SI).
+
+    See docs/physics.md#diagnosis.
+    """
+    process, kinds = machine.process, {}
+    for share in OTHER_FEEDS:
+        feed = share * process.feed_per_tooth
+        kinds[f"cut with {1e3 * feed:.3g} mm per tooth"] = {"feed_per_tooth": feed}
+    for share in OTHER_WIDTHS if process.direction != "slot" else ():
+        width = share * process.radial_immersion
+        if width < 1.0:
+            kinds[f"cut with a radial immersion of {width:.2f}"] = {"radial_immersion": width}
+    return kinds
+
+
+def of_cut(kind: str, cut: NextTrial) -> NextMeasurement:
+    """Return a cut as one measurement among others.
+
+    See docs/physics.md#diagnosis.
+    """
+    return NextMeasurement(
+        kind=kind,
+        spindle_speed=cut.spindle_speed,
+        axial_depth=cut.axial_depth,
+        expected_gain=cut.expected_gain,
+        cost=CUT,
+    )
+
+
+def next_receptances(one: Hypothesis, other: Hypothesis) -> list[NextMeasurement]:
+    """Return every receptance that may be measured, at rest and turning, along and across the axes.
+
+    See docs/physics.md#diagnosis.
+    """
+    campaign = one.comparison.model.campaign
+    planned = _planned(campaign)
+    of_one, of_other = (_predicted(hypothesis, campaign, planned) for hypothesis in (one, other))
+    gains = 0.5 * (_gains(one, campaign, planned, of_other) + _gains(other, campaign, planned, of_one))
+    return [
+        NextMeasurement(
+            kind=f"receptance {AXES[response.output_axis]} over {AXES[response.input_axis]}",
+            spindle_speed=response.spindle_speed,
+            axial_depth=None,
+            expected_gain=float(gain),
+            cost=TURNING if response.spindle_speed else AT_REST,
+        )
+        for response, gain in zip(planned, gains, strict=True)
+    ]
+
+
+def _planned(campaign: Campaign) -> list[Receptance]:
+    """Return the responses that may be measured; their values are not known."""
+    speeds = [0.0]
+    if campaign.trials is not None:
+        highest = float(campaign.trials.spindle_speed.max())
+        speeds += [0.5 * highest, highest]
+    frequency = campaign.receptances[0].frequency if campaign.receptances else FREQUENCIES
+    return [
+        Receptance(
+            source="",
+            spindle_speed=speed,
+            output_axis=along,
+            input_axis=of,
+            frequency=frequency,
+            value=np.ones(len(frequency), dtype=complex),
+        )
+        for speed in speeds
+        for along, of in ((0, 0), (1, 1), (0, 1))
+    ]
+
+
+def _model(hypothesis: Hypothesis, campaign: Campaign, responses: list[Receptance]) -> CampaignModel:
+    """Return the model of a hypothesis of a campaign in which nothing but responses is measured."""
+    alone = replace(
+        campaign,
+        trials=None,
+        receptances=tuple(responses),
+        natural_frequencies=None,
+        stiffness=None,
+        limits=None,
+        remarks=(),
+    )
+    return replace(hypothesis.comparison.model, campaign=alone)
+
+
+def _known(hypothesis: Hypothesis, model: CampaignModel) -> Belief:
+    """Return what is known of a model's parameters; the sensors of what is not measured yet are only as good as any."""
+    machine = {parameter.name for term in model.terms for parameter in term.parameters}
+    belief = fitted(hypothesis.fit)
+    kept = [place for place, name in enumerate(belief.names) if name in machine]
+    return Belief(
+        names=tuple(belief.names[place] for place in kept),
+        estimate=belief.estimate[kept],
+        deviation=belief.deviation[kept],
+        correlation=belief.correlation[np.ix_(kept, kept)],
+    ).about(model)
+
+
+def _predicted(hypothesis: Hypothesis, campaign: Campaign, planned: list[Receptance]) -> list[Receptance]:
+    """Return the planned responses as a hypothesis expects them."""
+    model = _model(hypothesis, campaign, planned)
+    prediction = model.predict(_known(hypothesis, model).estimate, quantities=("receptance",))
+    return [replace(one, value=value) for one, value in zip(planned, prediction.receptances, strict=True)]
+
+
+def _gains(hypothesis: Hypothesis, campaign: Campaign, planned: list[Receptance], values: list[Receptance]) -> Array:
+    """Return the evidence (response,) that each response would bring against a hypothesis, were it as in ``values``.
+
+    Half the squared distance in deviations, as far as what the hypothesis does not know of itself cannot make it up:
+    1/2 r^T (1 + J P J^T)^-1 r with its derivatives J and the covariance P of its parameters.
+    """
+    model = _model(hypothesis, campaign, values)
+    problem = Comparison(model=model, quantities=("receptance",))
+    known = _known(hypothesis, model)
+    here = problem.evaluate(known.estimate)
+    climb = Climb(problem, known.deviation > 0.0)
+    slope = climb.derivatives(known.estimate, here, known.deviation)[0]
+    width = known.deviation / column(problem.parameters, "prior_width")
+    doubt = slope @ np.linalg.cholesky(known.correlation * np.outer(width, width) + 1e-12 * np.eye(len(width)))
+    gains, first = [], 0
+    for response in planned:
+        rows = slice(first, first + 2 * len(response.frequency))
+        apart, own = here.coordinates[rows], doubt[rows]
+        seen = own.T @ apart
+        gains.append(0.5 * (apart @ apart - seen @ np.linalg.solve(np.eye(len(seen)) + own.T @ own, seen)))
+        first = rows.stop
+    return np.array(gains)

@@ -1,0 +1,93 @@
+"""The next measurement: what parts two hypotheses shows in what they act on, and in nothing else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from chatter_core.effects import variants
+from chatter_core.evidence import CampaignModel, Comparison, base_model, calibrate
+from chatter_core.evidence.candidates import Candidate, Hypothesis, carried, extended
+from chatter_core.evidence.fit import fit
+from chatter_core.evidence.measured import OUTCOMES
+from chatter_core.evidence.next_measurement import AT_REST, TURNING, next_receptances, other_cuts
+from chatter_core.evidence.next_trial import next_trial
+from tests.synthetic import RPM, campaign, tip_machine, trials
+
+SPEED, DEPTH = (
+    axis.ravel()
+    for axis in np.meshgrid(np.linspace(800.0, 3000.0, 8) * RPM, np.geomspace(1e-3, 2e-2, 6), indexing="ij")
+)
+
+
+@pytest.fixture(scope="module")
+def base():
+    plan = campaign(tip_machine(), trials=trials(SPEED, DEPTH))
+    model = base_model(plan)
+    chatter = model.predict(model.nulls, quantities=("outcome",)).margin > 0.0
+    outcome = np.where(chatter, OUTCOMES.index("chatter"), OUTCOMES.index("stable")).astype(np.int8)
+    comparison = Comparison(model=base_model(replace(plan, trials=replace(plan.trials, outcome=outcome))))
+    return Hypothesis(candidates=(), comparison=comparison, fit=calibrate(comparison))
+
+
+def at(base, name, **sizes):
+    """The base model with an effect of known size, as a fit that moved nothing else."""
+    effect = variants(name)[0]
+    candidate = Candidate(name=name, settings={}, term=effect, shapes=(), place=effect.place())
+    comparison = extended(base.comparison, [candidate])
+    values = carried(comparison, base.fit)
+    names = [parameter.name for parameter in comparison.parameters]
+    for key, size in sizes.items():
+        values[names.index(f"{name}.{key}")] = size
+    # Fixed altogether: only the base model doubts its parameters.
+    found = fit(comparison, starts=[values], fixed=names)
+    return Hypothesis(candidates=(candidate,), comparison=comparison, fit=found)
+
+
+def test_ploughing_shows_in_slow_cuts_and_in_no_receptance(base):
+    ploughing = at(base, "process_damping", coefficient_n_m=3e5)
+    receptances = next_receptances(base, ploughing)
+    assert [one.expected_gain for one in receptances] == pytest.approx([0.0] * 9, abs=1e-12)
+    cut = next_trial(base, ploughing)
+    assert cut.expected_gain > 1.0
+    assert cut.spindle_speed < 1500.0 * RPM
+
+
+def test_asymmetry_shows_in_receptances_along_the_axes_and_best_at_rest_for_its_cost(base):
+    stiffer = at(base, "directional_asymmetry", stiffness_ratio=0.2)
+    found = next_receptances(base, stiffer)
+    across = [one for one in found if one.kind == "receptance x over y"]
+    assert [one.expected_gain for one in across] == pytest.approx([0.0] * 3, abs=1e-9)
+    along = [one for one in found if one.kind == "receptance y over y"]
+    assert {one.cost for one in along} == {AT_REST, TURNING}
+    # Measured modes do not know the speed: it shows alike at all of them, and is most worth its cost at rest.
+    gains = [one.expected_gain for one in along]
+    assert gains == pytest.approx([gains[0]] * 3, rel=1e-6)
+    assert max(along, key=lambda one: one.worth).spindle_speed == 0.0
+
+
+def test_doubts_of_a_hypothesis_make_a_measurement_tell_less(base):
+    stiffer = at(base, "directional_asymmetry", stiffness_ratio=0.2)
+    doubtful = next_receptances(base, stiffer)[1].expected_gain
+    sure = replace(base, fit=replace(base.fit, standard_deviation=1e-6 * base.fit.standard_deviation))
+    assert doubtful < 0.9 * next_receptances(sure, stiffer)[1].expected_gain
+
+
+def test_other_cuts_stay_within_what_a_cut_can_be():
+    machine = tip_machine(radial_immersion=0.8)
+    kinds = other_cuts(machine)
+    assert list(kinds.values()) == [
+        {"feed_per_tooth": pytest.approx(4e-5)},
+        {"feed_per_tooth": pytest.approx(2e-4)},
+        {"radial_immersion": pytest.approx(0.4)},
+    ]
+    slot = tip_machine(direction="slot", radial_immersion=1.0)
+    assert all("feed_per_tooth" in own for own in other_cuts(slot).values())
+
+
+def test_a_cut_with_another_width_is_planned_so(base):
+    model = base.comparison.model
+    assert isinstance(model, CampaignModel)
+    thin = at(base, "radial_immersion_error", error=0.2)
+    wide, narrow = (next_trial(base, thin, radial_immersion=width) for width in (0.75, 0.25))
+    assert (wide.spindle_speed, wide.axial_depth) != (narrow.spindle_speed, narrow.axial_depth)
