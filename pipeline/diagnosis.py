@@ -10,7 +10,7 @@ from distributed import Client
 from chatter_core.effects import Effect, effect_names, variants
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, calibrate
-from chatter_core.evidence.assessment import Assessment, Version, curvature, version
+from chatter_core.evidence.assessment import Assessment, Limits, Version, curvature, interval, version
 from chatter_core.evidence.belief import Belief, fitted
 from chatter_core.evidence.candidates import Candidate, Hypothesis, fit_hypothesis, refit, slope_of
 from chatter_core.evidence.held_out import together
@@ -47,9 +47,9 @@ class Diagnosis:
     base: the model as it was, calibrated; ranking: nothing missing and single effects; pair: the best pair, None
     where none was tried; powers: of every candidate; judged: the base model and the best ones held against the
     campaign, by name; held_out: scores on cuts held out, by name; next_trial: the cut that would part the two best;
-    next_measurements: that one and others, what is most worth its cost first;
-    before_and_after: the base model and the best one with their lobes, for pictures, None where nothing is missing;
-    corrections: without a formula, where the verdict is ``unexplained``.
+    next_measurements: that one and others, what is most worth its cost first; intervals: of the parameters of effects
+    that are named, profiled; before_and_after: the base model and the best one with their lobes, for pictures, None
+    where nothing is missing; corrections: without a formula, where the verdict is ``unexplained``.
     """
 
     content: Content
@@ -62,6 +62,7 @@ class Diagnosis:
     held_out: dict[str, dict[str, Score]] = field(default_factory=dict)
     next_trial: NextTrial | None = None
     next_measurements: list[NextMeasurement] = field(default_factory=list)
+    intervals: dict[str, Limits] = field(default_factory=dict)
     before_and_after: Assessment | None = None
     corrections: Corrections | None = None
 
@@ -179,8 +180,18 @@ def completed(
         held_out=known | _held_out(client, told_of, belief),
         next_trial=cut,
         next_measurements=measurements,
+        intervals=_intervals(client, found.supported),
         corrections=correct(client, found.base) if found.verdict.kind == "unexplained" else None,
     )
+
+
+def _intervals(client: Client | None, named: Hypothesis) -> dict[str, Limits]:
+    """Return the profile intervals of the parameters of effects that are named; none for the base model."""
+    names = [parameter.name for candidate in named.candidates for parameter in candidate.term.parameters]
+    jobs = [
+        Job(name=f"interval of {name}", call=partial(interval, named.comparison, named.fit, name)) for name in names
+    ]
+    return dict(zip(names, spread(client, jobs), strict=True))
 
 
 def _next(

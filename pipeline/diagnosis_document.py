@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from chatter_core.evidence.assessment import curvature
+from chatter_core.evidence.assessment import Limits, curvature
 from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.next_measurement import NextMeasurement
@@ -75,17 +75,18 @@ def ranked_data(found: Diagnosis, one: Ranked) -> dict[str, Any]:
         "parameters": {
             name: told
             for candidate in best.candidates
-            for name, told in effect_parameters(best, candidate.name).items()
+            for name, told in effect_parameters(found, best, candidate.name).items()
         },
         "calibration": parameters_of(best, {p.name for c in best.candidates for p in c.term.parameters}),
         "converged": best.fit.converged,
     }
 
 
-def effect_parameters(hypothesis: Hypothesis, effect: str) -> dict[str, Any]:
-    """Return the parameters of one effect by their own names, with intervals."""
+def effect_parameters(found: Diagnosis, hypothesis: Hypothesis, effect: str) -> dict[str, Any]:
+    """Return the parameters of one effect by their own names, with intervals: profiled where the effect is named."""
     own = [p.name for c in hypothesis.candidates if c.name == effect for p in c.term.parameters]
-    return {name.removeprefix(f"{effect}."): _parameter(hypothesis.fit, name) for name in own}
+    profiled = found.intervals if hypothesis is found.supported else {}
+    return {name.removeprefix(f"{effect}."): _parameter(hypothesis.fit, name, profiled.get(name)) for name in own}
 
 
 def parameters_of(hypothesis: Hypothesis, without: set[str]) -> dict[str, Any]:
@@ -94,8 +95,8 @@ def parameters_of(hypothesis: Hypothesis, without: set[str]) -> dict[str, Any]:
     return {name: _parameter(hypothesis.fit, name) for name in names if name not in without}
 
 
-def _parameter(fit: Fit, name: str) -> dict[str, Any]:
-    return parameter_data(fit, name, curvature(fit, name, NOT_PROFILED))
+def _parameter(fit: Fit, name: str, limits: Limits | None = None) -> dict[str, Any]:
+    return parameter_data(fit, name, curvature(fit, name, NOT_PROFILED) if limits is None else limits)
 
 
 def outcome_error(scores: dict[str, Score] | None) -> float | None:

@@ -57,7 +57,7 @@ def ranking_rows(found: Diagnosis) -> list[list[str]]:
         after = outcome_error(found.held_out.get(one.name))
         told = []
         for candidate in one.best.candidates:
-            for name, values in diagnosis_document.effect_parameters(one.best, candidate.name).items():
+            for name, values in diagnosis_document.effect_parameters(found, one.best, candidate.name).items():
                 unit = "" if values["unit"] == "1" else f" {values['unit']}"
                 span = f"{values['low']:.3g} to {values['high']:.3g}"
                 told.append(f"{name} {values['estimate']:.3g} ({span}){unit}")
