@@ -10,7 +10,7 @@ from chatter_core.evidence.assessment import Limits, curvature
 from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.next_measurement import NextMeasurement
-from chatter_core.evidence.power import ENOUGH
+from chatter_core.evidence.power import ENOUGH, USUAL
 from chatter_core.evidence.ranking import NOTHING, Ranked
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
 from chatter_core.units import si_factor
@@ -156,7 +156,7 @@ def power_table(found: Diagnosis) -> pd.DataFrame:
     """Return what each candidate of usual size would have left in the campaign, by kind of measurement."""
     rows = []
     for power in sorted(found.powers, key=lambda one: -one.nats):
-        sizes = [f"{p.prior_width:.4g} {p.unit}".strip() for p in power.candidate.amplitudes]
+        sizes = [f"{USUAL * p.prior_width:.4g} {p.unit}".strip() for p in power.candidate.amplitudes]
         rows.append(
             {
                 "effect": power.candidate.name,

@@ -10,6 +10,8 @@ from chatter_core.evidence.parameters import Array
 
 #: A chatter frequency tells no more than this, in deviations: it may be that of another branch.
 MOST_OF_A_FREQUENCY = 2.0
+#: The usual size of a strength, in widths of its prior: half of all are larger, as a half-normal prior has it.
+USUAL = 0.6745
 #: An effect that would leave less than this could not be told [nats].
 ENOUGH = 5.0
 
@@ -27,7 +29,7 @@ class Power:
 
 
 def power(base: Hypothesis, candidate: Candidate, slope: Array) -> Power:
-    """Return what an effect with amplitudes of one prior width would leave in the campaign.
+    """Return what an effect of usual size would leave in the campaign.
 
     Half the squared distance that it moves the information coordinates by, as far as the base model's parameters
     cannot follow, their priors counting as data; slope: their derivatives, as ``slope_of`` has them.
@@ -39,7 +41,7 @@ def power(base: Hypothesis, candidate: Candidate, slope: Array) -> Power:
     before, strong = comparison.evaluate(own), own.copy()
     names = [parameter.name for parameter in comparison.parameters]
     for parameter in candidate.amplitudes:
-        raised = min(parameter.null + parameter.prior_width, parameter.upper)
+        raised = min(parameter.null + USUAL * parameter.prior_width, parameter.upper)
         strong[names.index(parameter.name)] = raised
     moved = comparison.evaluate(strong).coordinates - before.coordinates
     assert isinstance(before.state, Compared)
