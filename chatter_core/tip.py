@@ -16,6 +16,8 @@ from chatter_core.machine import Tip
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 AXES = ("x", "y")
+#: Eigenvectors that are worse conditioned than this lose half of all digits.
+WORST_CONDITION = 1e8
 #: Fields of TipModes that are (speed, mode).
 OVER_SPEED = ("natural_frequency", "damping_ratio", "modal_mass", "tracking_confidence")
 
@@ -170,13 +172,22 @@ def receptance(modes: TipModes, frequency: Array) -> NDArray[np.complex128]:
 
 
 def _coupled_receptance(modes: TipModes, frequency: Array) -> ComplexArray:
-    """Return the receptance of modes that feel each other, C (i w - A)^-1 B, by the poles of the state space."""
+    """Return the receptance of modes that feel each other, C (i w - A)^-1 B; NaN at speeds without modes.
+
+    By the poles of the state space, or line by line where a mode is damped critically and has no pair of them.
+    """
     space = state_space(modes)
-    poles, vectors = np.linalg.eig(space.state_matrix)
-    driven = np.linalg.solve(vectors, space.input_matrix.astype(complex))
-    residues = (space.output_matrix @ vectors)[:, :, None, :] * driven.swapaxes(1, 2)[:, None]
-    lines = 1.0 / (1j * frequency[:, None] - poles[:, None, :])
-    return np.asarray(np.einsum("sfp,soip->sfoi", lines, residues, optimize=True))
+    result = np.full((len(space.state_matrix), len(frequency), 2, 2), np.nan, dtype=complex)
+    for speed in np.flatnonzero(np.isfinite(space.state_matrix).all(axis=(1, 2))):
+        state, driven, seen = space.state_matrix[speed], space.input_matrix[speed], space.output_matrix[speed]
+        poles, vectors = np.linalg.eig(state)
+        if np.linalg.cond(vectors) < WORST_CONDITION:
+            residues = (seen @ vectors)[:, None, :] * np.linalg.solve(vectors, driven.astype(complex)).T
+            result[speed] = np.einsum("fp,oip->foi", 1.0 / (1j * frequency[:, None] - poles), residues, optimize=True)
+            continue
+        for line, excited in enumerate(frequency):
+            result[speed, line] = seen @ np.linalg.solve(1j * excited * np.eye(len(state)) - state, driven)
+    return result
 
 
 def between_axes(force: Array) -> Array:

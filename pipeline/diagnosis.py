@@ -217,7 +217,7 @@ def _ranking(
     """Return the base model and the ranking of nothing missing and single effects."""
     fitted_with = partial(fit_hypothesis, base.comparison, nested=base, slope=slope_of(base))
     near = spread(client, [Job(name=str(one), call=partial(fitted_with, [one])) for one in candidates])
-    singles = _climbed(client, near, base)
+    singles = _climbed(client, near)
     ranking = rank(base, singles)
     if ranking[0].name != NOTHING:
         # The base model gets the same chance to arrive as what is held against it.
@@ -225,16 +225,18 @@ def _ranking(
     return base, rank(base, singles)
 
 
-def _climbed(client: Client | None, near: Sequence[Hypothesis], nested: Hypothesis) -> list[Hypothesis]:
-    """Return hypotheses, fitted to their end where they explain more than what they nest and come near the best."""
-    best = max((one.fit.log_evidence for one in near), default=0.0)
-    close = {
-        index: Job(name=f"{one.name}, to its end", call=partial(refit, one, one.fit))
-        for index, one in enumerate(near)
-        if one.fit.log_evidence > best - CLOSE and one.fit.log_posterior > nested.fit.log_posterior
-    }
-    found = dict(zip(close, spread(client, list(close.values())), strict=True))
-    return [found.get(index, one) for index, one in enumerate(near)]
+def _climbed(client: Client | None, near: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return hypotheses, fitted to their end where an effect has left its null and they come near the best."""
+    found, ended = list(near), {index for index, one in enumerate(near) if not one.moved}
+    while True:
+        best = max((one.fit.log_evidence for one in found), default=0.0)
+        close = [i for i, one in enumerate(found) if i not in ended and one.fit.log_evidence > best - CLOSE]
+        if not close:
+            return found
+        jobs = [Job(name=f"{found[i].name}, to its end", call=partial(refit, found[i], found[i].fit)) for i in close]
+        for index, one in zip(close, spread(client, jobs), strict=True):
+            found[index] = one
+            ended.add(index)
 
 
 def side_by_side(
@@ -286,7 +288,7 @@ def _pair(
         )
         for one in seconds[:SECONDS]
     ]
-    pairs = [one for one in rank(base, _climbed(client, spread(client, jobs), first.best)) if one.name != NOTHING]
+    pairs = [one for one in rank(base, _climbed(client, spread(client, jobs))) if one.name != NOTHING]
     return max(pairs, key=lambda one: one.gain, default=None)
 
 

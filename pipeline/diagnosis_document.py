@@ -73,7 +73,7 @@ def ranked_data(found: Diagnosis, one: Ranked) -> dict[str, Any]:
         "heldout_error_before": outcome_error(found.held_out.get(NOTHING)),
         "heldout_error_after": outcome_error(found.held_out.get(one.name)),
         "parameters": {
-            name: told
+            name if len(best.candidates) == 1 else f"{candidate.name}.{name}": told
             for candidate in best.candidates
             for name, told in effect_parameters(found, best, candidate.name).items()
         },

@@ -14,16 +14,20 @@ from chatter_core.evidence.newton import Climb
 from chatter_core.evidence.parameters import Array, Evaluation, Parameter
 from chatter_core.stages import Term
 
-#: Amplitudes at which a fit is started, in widths of their priors; to both sides where they can go there.
-AMPLITUDES = (0.3, 1.0, 3.0)
+#: Amplitudes at which a fit is started, in widths of their priors; to both sides where they can go there. The first
+#: is looked at with every shape.
+AMPLITUDES = (1.0, 0.3, 2.0, 3.0)
 #: Shapes at which it is, in widths of theirs.
 SHAPES = (-1.2, -0.6, 0.0, 0.6, 1.2)
 #: An effect of which a step from its null promises less stays there [nats].
 SMALLEST_PROMISE = 0.3
 #: Of all starts so many of the best are climbed from.
 CLIMBED = 2
+#: The best start to each side that is no smaller than the first amplitude is climbed from too, unless it promises less
+#: than this: where all else has bent to imitate an effect, a small one beside its null promises most [nats].
+HOPELESS = -15.0
 #: What is ranked need not be known better than this [nats].
-LEFT_GAIN = 0.05
+LEFT_GAIN = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +72,12 @@ class Hypothesis:
         """Names of the effects in one, however they are listed; empty for the base model."""
         return " + ".join(sorted(self.names))
 
+    @property
+    def moved(self) -> bool:
+        """Whether the last of its effects has left its null."""
+        known = dict(zip((p.name for p in self.fit.parameters), self.fit.estimate, strict=True))
+        return bool(self.candidates) and any(known[p.name] != p.null for p in self.candidates[-1].amplitudes)
+
 
 def extended(base: Comparison, candidates: Sequence[Candidate]) -> Comparison:
     """Return a comparison whose model has some effects more, in the order in which they act along the chain.
@@ -108,11 +118,10 @@ def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Hy
     found = climb.stay(own, known + climb.derivatives(own, at_null, climb.width, added)[0])
     promised = [(climb.promise_of(found), own), *_promises(climb, own, known, new)]
     smooth, rows = Climb(comparison.smooth or comparison, climb.free), _smooth_rows(at_null)
-    for promise, start in sorted(promised, key=lambda one: -one[0])[:CLIMBED]:
-        if promise >= SMALLEST_PROMISE:
-            ahead = smooth.approach(start, START_GAIN, known[rows], added)
-            end = climb.approach(ahead.values, START_GAIN, known, added)
-            found = end if end.log_posterior > found.log_posterior + SMALLEST_PROMISE else found
+    for start in _chosen(comparison, new, promised):
+        ahead = smooth.approach(start, START_GAIN, known[rows], added)
+        end = climb.approach(ahead.values, START_GAIN, known, added)
+        found = end if end.log_posterior > found.log_posterior + SMALLEST_PROMISE else found
     fit = result(comparison, found, climb.evaluations, -np.inf)
     return Hypothesis(candidates=tuple(candidates), comparison=comparison, fit=fit)
 
@@ -120,16 +129,32 @@ def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Hy
 def _promises(climb: Climb, own: Array, known: Array, new: Candidate) -> list[tuple[float, Array]]:
     """Return starts of an effect, and what each promises over its null [nats].
 
-    Each shape is looked at with the middle strength, the best of them with the others too.
+    Each shape is looked at with the first strength, the best of them with the others too.
     """
     comparison = climb.problem
     assert isinstance(comparison, Comparison)
-    worth = _Worth(climb, own, known)
-    middle = [(worth.of(start), start) for start in _starts(comparison, own, new, AMPLITUDES[1:2], SHAPES)]
-    best = sorted(middle, key=lambda one: -one[0])[:CLIMBED]
-    weaker_and_stronger = (AMPLITUDES[0], *AMPLITUDES[2:])
-    others = [start for _, shaped in best for start in _starts(comparison, shaped, new, weaker_and_stronger, ())]
-    return [*middle, *((worth.of(start), start) for start in others)]
+    worth = _Worth(climb, own, known, new)
+    found = [(worth.of(start), start) for start in _starts(comparison, own, new, AMPLITUDES[:1], SHAPES)]
+    best = sorted(found, key=lambda one: -one[0])[:CLIMBED]
+    others = [start for _, shaped in best for start in _starts(comparison, shaped, new, AMPLITUDES[1:], ())]
+    for start in others:
+        if not any(np.array_equal(start, known_start) for _, known_start in found):
+            found.append((worth.of(start), start))
+    return found
+
+
+def _chosen(comparison: Comparison, new: Candidate, promised: Sequence[tuple[float, Array]]) -> list[Array]:
+    """Return the starts that are climbed from: those that promise most, and the best large one to each side."""
+    ordered = sorted(promised, key=lambda one: -one[0])
+    chosen = [start for promise, start in ordered[:CLIMBED] if promise >= SMALLEST_PROMISE]
+    names = [parameter.name for parameter in comparison.parameters]
+    first = new.amplitudes[0]
+    place, large = names.index(first.name), 0.999 * AMPLITUDES[0] * first.prior_width
+    for side in (1.0, -1.0):
+        of_side = [one for one in ordered if side * (one[1][place] - first.null) >= large and one[0] >= HOPELESS]
+        if of_side and not any(np.array_equal(of_side[0][1], start) for start in chosen):
+            chosen.append(of_side[0][1])
+    return chosen
 
 
 class _Worth:
@@ -139,8 +164,10 @@ class _Worth:
     the smooth ones, and everything does.
     """
 
-    def __init__(self, climb: Climb, own: Array, known: Array) -> None:
-        self.climb = climb
+    def __init__(self, climb: Climb, own: Array, known: Array, new: Candidate) -> None:
+        # The effect itself stays where it is put.
+        others = np.array([parameter not in new.term.parameters for parameter in climb.problem.parameters])
+        self.climb = Climb(climb.problem, climb.free & others)
         self.height, at_null = climb.posterior(own)
         self.smooth = _smooth_rows(at_null)
         self.slope = np.where(self.smooth[:, None], known, 0.0)
@@ -182,7 +209,7 @@ def refit(hypothesis: Hypothesis, start: Fit) -> Hypothesis:
     own = carried(comparison, start)
     free = free_parameters(comparison, (), own)
     found = result(comparison, maximise(comparison, [own], free, 1, LEFT_GAIN), 0, -np.inf)
-    return hypothesis if found.log_posterior <= hypothesis.fit.log_posterior else replace(hypothesis, fit=found)
+    return hypothesis if found.log_posterior < hypothesis.fit.log_posterior else replace(hypothesis, fit=found)
 
 
 def carried(comparison: Comparison, fit: Fit) -> Array:

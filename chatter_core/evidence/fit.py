@@ -111,8 +111,8 @@ def log_evidence(maximum: Maximum, parameters: Sequence[Parameter]) -> float:
         return maximum.evaluation.log_likelihood
     information = maximum.information[np.ix_(free, free)]
     covariance, gradient = np.linalg.inv(information), maximum.gradient[free]
-    # Only a bound can hold a gradient: elsewhere what is left of it is the search's tolerance.
-    gradient = np.where(_at_bound(maximum, parameters)[free], gradient, 0.0)
+    # Only a bound can hold a gradient, one that leads beyond it: elsewhere what is left of it is what the search left.
+    gradient = np.where(_held_at_bound(maximum, parameters)[free], gradient, 0.0)
     peak, deviation = z[free] + covariance @ gradient, np.sqrt(np.diag(covariance))
     low = (_standard(parameters, column(parameters, "lower"))[free] - peak) / deviation
     high = (_standard(parameters, column(parameters, "upper"))[free] - peak) / deviation
@@ -135,6 +135,13 @@ def _standard(parameters: Sequence[Parameter], values: Array) -> Array:
 def _at_bound(maximum: Maximum, parameters: Sequence[Parameter]) -> NDArray[np.bool_]:
     at_lower, at_upper = (maximum.values <= column(parameters, "lower")), maximum.values >= column(parameters, "upper")
     return np.asarray(maximum.free & (at_lower | at_upper))
+
+
+def _held_at_bound(maximum: Maximum, parameters: Sequence[Parameter]) -> NDArray[np.bool_]:
+    """Return which parameters stand at a bound that they would leave (parameter,)."""
+    low = (maximum.values <= column(parameters, "lower")) & (maximum.gradient < 0.0)
+    high = (maximum.values >= column(parameters, "upper")) & (maximum.gradient > 0.0)
+    return np.asarray(maximum.free & (low | high))
 
 
 def free_parameters(problem: Problem, fixed: Sequence[str], *starts: Array) -> NDArray[np.bool_]:

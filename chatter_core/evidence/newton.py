@@ -37,8 +37,8 @@ LENGTHS = (1.0, 2.0, 4.0, 8.0)
 WORTH_LENGTHENING = 1.35
 #: A coordinate that a step changes by so much more or less than foreseen has jumped [standard deviations].
 MISSED = 3.0
-#: An approach gives up after so many steps in a row that fall.
-FALLS = 3
+#: An approach gives up after so many steps in a row that fall, each so much shorter than the one before.
+FALLS, SHORTER = 4, 0.3
 #: No step moves a parameter farther than this, in widths of its prior.
 LONGEST_STEP = 2.0
 MOST_STEPS = 40
@@ -128,21 +128,32 @@ class Climb:
         jacobian = self.derivatives(here.values, here.evaluation, self.width, added)[0]
         if known is not None:
             jacobian += known
+        length, blind = 1.0, False
         for _ in range(MOST_STEPS):
             gradient, information = self.expected(here.values, here.evaluation, jacobian)
             moving = self.free & ~self._held(here.values, gradient)
             step, gain = _step(gradient, information, moving, damping)
-            if gain < smallest_gain or falls == FALLS:
-                break
-            there = self._aside(here, step * self.width, 1.0)
-            shift = (there.values - here.values) / self.width
-            _correct(jacobian, there.evaluation.coordinates - here.evaluation.coordinates, shift)
-            if there.height > here.height:
-                here, damping, falls = there, max(damping * DAMPING_DOWN, DAMPING_LEAST), 0
+            if gain < smallest_gain:
+                if not blind:
+                    break
+                # What jumped has no slope: nothing is promised by data that were not asked.
+                jacobian, blind = self.derivatives(here.values, here.evaluation, self.width)[0], False
                 continue
-            damping, falls = damping * DAMPING_UP, falls + 1
+            there = self._aside(here, step * self.width, length)
+            risen = there.height > here.height
+            falls = 0 if risen else falls + 1
+            if falls == FALLS:
+                break
             if falls == FALLS - 1:
-                jacobian = self.derivatives(here.values, here.evaluation, self.width)[0]
+                jacobian, length = self.derivatives(here.values, here.evaluation, self.width)[0], 1.0
+                continue
+            shift = (there.values - here.values) / self.width
+            jumped = _correct(jacobian, there.evaluation.coordinates - here.evaluation.coordinates, shift)
+            length = 1.0 if risen else SHORTER * length
+            if risen:
+                here, damping = there, max(damping * DAMPING_DOWN, DAMPING_LEAST)
+                jacobian[jumped] = 0.0
+                blind = blind or bool(jumped.any())
         return self._near(here, jacobian)
 
     def expected(self, values: Array, evaluation: Evaluation, jacobian: Array) -> tuple[Array, Array]:
@@ -302,14 +313,16 @@ class _Place:
     evaluation: Evaluation
 
 
-def _correct(jacobian: Array, difference: Array, shift: Array) -> None:
+def _correct(jacobian: Array, difference: Array, shift: Array) -> NDArray[np.bool_]:
     """Correct a Jacobian by a difference of coordinates (coordinate,) over a shift (parameter,), as Broyden does.
 
-    A coordinate that misses by more than MISSED has jumped to where another slope holds, which is not known.
+    Return which coordinates miss by more than MISSED: they have jumped to where another slope holds, and their rows
+    are left as they were.
     """
     missed = difference - jacobian @ shift
-    jacobian += np.outer(missed, shift) / (shift @ shift)
-    jacobian[np.abs(missed) > MISSED] = 0.0
+    jumped = np.abs(missed) > MISSED
+    jacobian += np.outer(np.where(jumped, 0.0, missed), shift) / (shift @ shift)
+    return np.asarray(jumped)
 
 
 def _step(gradient: Array, information: Array, moving: NDArray[np.bool_], damping: float) -> tuple[Array, float]:

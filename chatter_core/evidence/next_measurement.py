@@ -173,4 +173,5 @@ def _gains(hypothesis: Hypothesis, campaign: Campaign, planned: list[Receptance]
         seen = own.T @ apart
         gains.append(0.5 * (apart @ apart - seen @ np.linalg.solve(np.eye(len(seen)) + own.T @ own, seen)))
         first = rows.stop
-    return np.array(gains)
+    # Where one of both has no answer, nothing can be said of what it would tell.
+    return np.nan_to_num(np.array(gains))

@@ -162,11 +162,22 @@ def test_an_approach_goes_on_with_a_jacobian_that_is_known_and_finds_what_is_mis
     assert near == pytest.approx(maximise(problem, [start], free, smallest_gain=1e-9).values, abs=1e-3)
 
 
-def test_what_jumps_in_a_step_has_no_slope_after_it():
+def test_what_jumps_in_a_step_is_told_and_corrects_nothing():
     jacobian = np.array([[1.0, 0.0], [0.0, 2.0], [1.0, 1.0]])
-    newton._correct(jacobian, np.array([0.5, 10.0, 0.7]), np.array([0.5, 0.0]))
-    # The second coordinate was to stay and moved by ten; the third was to move by 0.5, and both slopes share the rest.
-    assert jacobian.tolist() == [[1.0, 0.0], [0.0, 0.0], [pytest.approx(1.4), 1.0]]
+    jumped = newton._correct(jacobian, np.array([0.5, 10.0, 0.7]), np.array([0.5, 0.0]))
+    # The second coordinate was to stay and moved by ten; the third was to move by 0.5, and moved by 0.7.
+    assert jumped.tolist() == [False, True, False]
+    assert jacobian.tolist() == [[1.0, 0.0], [0.0, 2.0], [pytest.approx(1.4), 1.0]]
+
+
+def test_a_null_that_the_data_lead_away_from_has_no_more_evidence_than_where_it_stands():
+    one = parameter(lower=0.0)
+    problem = Normal((one,), lambda values: np.array([3.0 - values[0]]))
+    climb = Climb(problem, np.array([True]))
+    stayed = result(problem, climb.stay(np.zeros(1), np.array([[-1.0]])), 0, -np.inf)
+    # The gradient of 3 leads inwards: a step would gain 2.25 nats, and nobody took it.
+    assert stayed.log_evidence < climb.posterior(np.zeros(1))[0] + math.log(math.sqrt(math.pi))
+    assert stayed.reason.endswith("promises 2.2 nats")
 
 
 def test_a_narrow_bent_valley_is_followed_to_its_end():
