@@ -44,7 +44,8 @@ BEYOND = 1
 MISLABELLED, UNHEARD, FREQUENCY_ERROR = 0.03, 0.1, 0.003
 #: Width in ln(depth) of the transition from stable to chatter.
 TRANSITION = 0.05
-#: Speeds and lines of the receptances, at rest as most shops measure them; noise of a line as a share of its size, and of the response's largest.
+#: Speeds, at rest as most shops measure them, and lines of the receptances; noise of a line as a share of its size,
+#: and of the largest.
 FRF_RPM = (0.0,)
 LINES_HZ = np.arange(200.0, 2600.1, 15.0)
 LINE_NOISE, FLOOR_NOISE = 0.02, 0.01
