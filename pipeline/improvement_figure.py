@@ -12,10 +12,11 @@ from pipeline.figures import COLOURS
 SHOWN = tuple(name for name in ERRORS if name != "log_loss")
 #: Panels in a row.
 COLUMNS = 3
-#: On which data an error is: columns of the table, colour, words and mark. Both are seen where they are alike.
+#: On which data an error is: columns of the table, colour, words, mark and its size, width of the line. Both are seen
+#: where they are alike.
 KINDS = (
-    ("in_sample", COLOURS[0], "on the data of the fit", {"marker": "s", "markersize": 9.0, "linewidth": 3.0}),
-    ("held_out", COLOURS[1], "on cuts held out", {"marker": "o", "markersize": 5.0, "linewidth": 1.2}),
+    ("in_sample", COLOURS[0], "on the data of the fit", "s-", 9.0, 3.0),
+    ("held_out", COLOURS[1], "on cuts held out", "o-", 5.0, 1.2),
 )
 
 
@@ -38,9 +39,10 @@ def history(table: pd.DataFrame) -> Figure:
 
 def _errors(axes: Axes, table: pd.DataFrame, name: str) -> None:
     factor, unit = (100.0, "%") if name in PER_CENT else (1.0, "Hz")
-    for kind, colour, words, mark in KINDS:
+    for kind, colour, words, mark, size, width in KINDS:
         if f"{name}_{kind}" in table:
-            axes.plot(table["step"], factor * table[f"{name}_{kind}"], color=colour, label=words, **mark)
+            error = factor * table[f"{name}_{kind}"]
+            axes.plot(table["step"], error, mark, color=colour, label=words, markersize=size, linewidth=width)
     labels = [text.replace("_", " ").replace(" + ", "\n+ ") for text in table["effect"]]
     axes.set_xticks(table["step"], labels, rotation=25, ha="right", rotation_mode="anchor", fontsize="small")
     axes.set_xlim(-0.3, len(table) - 0.7)
