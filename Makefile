@@ -8,7 +8,7 @@ SEEDS  ?= test
 FOLDER ?= results/blind
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep point compare diagnose improve predict identify paper template report bench blind test clean
+.PHONY: help run sweep point compare diagnose improve predict identify paper tutorial template report bench blind test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -40,6 +40,12 @@ identify: $(VENV)/.installed ## tip modes from measured receptances, by ARGS="ca
 
 paper: $(VENV)/.installed ## the paper's findings: figures P1 to P9, and a table of what holds here
 	$(BIN)/python -m pipeline paper $(ARGS)
+
+tutorial: $(VENV)/.installed ## the improvement of docs/tutorial.md, and its pictures into docs/images
+	$(BIN)/python -m pipeline improve campaign=docs/examples/paper_campaign base=static_bearing modes=1 \
+		output=results/improve-paper_campaign $(ARGS)
+	cp results/improve-paper_campaign/figures/history.png docs/images/tutorial_error.png
+	cp results/improve-paper_campaign/figures/lobes.png docs/images/tutorial_lobes.png
 
 template: $(VENV)/.installed ## an empty measurement campaign to fill in, by ARGS=output=DIR
 	$(BIN)/python -m pipeline template $(ARGS)

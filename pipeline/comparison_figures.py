@@ -85,6 +85,12 @@ def _boundary(axes: Axes, field: Field, calibrated: bool) -> None:
         with np.errstate(divide="ignore", invalid="ignore"):
             standard = (field.growth / field.deviation).T
         axes.contourf(*place, standard, levels=[-WIDTHS, WIDTHS], colors=[colour], alpha=0.18)
+    axes.set(xlim=(place[0][0], place[0][-1]), ylim=(0.0, place[1][-1]))
+    if (field.growth < 0.0).all():
+        axes.text(
+            0.98, 0.94, "stable at every depth shown", transform=axes.transAxes, ha="right", va="top", color=colour
+        )
+        return
     axes.contour(*place, field.growth.T, levels=[0.0], colors=colour, linewidths=1.6)
 
 

@@ -70,9 +70,11 @@ def ranking_rows(found: Diagnosis) -> list[list[str]]:
 def summary(found: Diagnosis) -> str:
     """Return the gist as text for a terminal."""
     lines = ["", f"verdict: {found.verdict.kind}", found.verdict.text, ""]
-    widths = (34, 13, 10, 22)
+    widths = (42, 13, 10, 22)
     header = ["missing", "probability", "nats", "held-out error"]
-    for row in [header, *(row[:4] for row in ranking_rows(found)[:TOLD])]:
+    rows = ranking_rows(found)
+    of_pair = rows[len(found.ranking) :]
+    for row in [header, *(row[:4] for row in [*rows[:TOLD], *of_pair])]:
         lines.append("".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
     lines += ["", found.corrections.text] if found.corrections is not None else []
     trial = diagnosis_document.next_trial_data(found)

@@ -12,14 +12,19 @@ from pipeline.figures import COLOURS
 SHOWN = tuple(name for name in ERRORS if name != "log_loss")
 #: Panels in a row.
 COLUMNS = 3
-#: On which data an error is: columns of the table, colour and words.
-KINDS = (("in_sample", COLOURS[0], "on the data of the fit"), ("held_out", COLOURS[1], "on cuts held out"))
+#: On which data an error is: columns of the table, colour, words, mark and its size, width of the line. Both are seen
+#: where they are alike.
+KINDS = (
+    ("in_sample", COLOURS[0], "on the data of the fit", "s-", 9.0, 3.0),
+    ("held_out", COLOURS[1], "on cuts held out", "o-", 5.0, 1.2),
+)
 
 
 def history(table: pd.DataFrame) -> Figure:
     """Draw the errors of every version of the model, on the data that it was fitted to and on cuts held out."""
     shown = [name for name in SHOWN if f"{name}_in_sample" in table]
-    rows, columns = -(-len(shown) // COLUMNS), min(len(shown), COLUMNS)
+    rows = -(-len(shown) // COLUMNS)
+    columns = -(-len(shown) // rows)
     figure = Figure(figsize=(11.0, 3.6 * rows + 0.8), layout="constrained")
     figure.suptitle("Error of each version of the model", fontweight="bold", x=0.01, ha="left")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
@@ -34,9 +39,10 @@ def history(table: pd.DataFrame) -> Figure:
 
 def _errors(axes: Axes, table: pd.DataFrame, name: str) -> None:
     factor, unit = (100.0, "%") if name in PER_CENT else (1.0, "Hz")
-    for kind, colour, words in KINDS:
+    for kind, colour, words, mark, size, width in KINDS:
         if f"{name}_{kind}" in table:
-            axes.plot(table["step"], factor * table[f"{name}_{kind}"], "o-", color=colour, label=words)
+            error = factor * table[f"{name}_{kind}"]
+            axes.plot(table["step"], error, mark, color=colour, label=words, markersize=size, linewidth=width)
     labels = [text.replace("_", " ").replace(" + ", "\n+ ") for text in table["effect"]]
     axes.set_xticks(table["step"], labels, rotation=25, ha="right", rotation_mode="anchor", fontsize="small")
     axes.set_xlim(-0.3, len(table) - 0.7)
