@@ -23,8 +23,9 @@ SHAPES = (-1.2, -0.6, 0.0, 0.6, 1.2)
 SMALLEST_PROMISE = 0.3
 #: Of all starts so many of the best are climbed from.
 CLIMBED = 2
-#: The best start to each side that is no smaller than the first amplitude is climbed from too, unless it promises less
-#: than this: where all else has bent to imitate an effect, a small one beside its null promises most [nats].
+#: Of a strength that may go to both sides the best start to each that is no smaller than the first amplitude is climbed
+#: from too, unless it promises less than this [nats]: where all else has bent to imitate an effect, a small one beside
+#: its null promises most.
 HOPELESS = -15.0
 #: What is ranked need not be known better than this [nats].
 LEFT_GAIN = 0.01
@@ -144,13 +145,13 @@ def _promises(climb: Climb, own: Array, known: Array, new: Candidate) -> list[tu
 
 
 def _chosen(comparison: Comparison, new: Candidate, promised: Sequence[tuple[float, Array]]) -> list[Array]:
-    """Return the starts that are climbed from: those that promise most, and the best large one to each side."""
+    """Return the starts that are climbed from: those that promise most, and the best large one to each of two sides."""
     ordered = sorted(promised, key=lambda one: -one[0])
     chosen = [start for promise, start in ordered[:CLIMBED] if promise >= SMALLEST_PROMISE]
     names = [parameter.name for parameter in comparison.parameters]
     first = new.amplitudes[0]
     place, large = names.index(first.name), 0.999 * AMPLITUDES[0] * first.prior_width
-    for side in (1.0, -1.0):
+    for side in (1.0, -1.0) if first.lower < first.null < first.upper else ():
         of_side = [one for one in ordered if side * (one[1][place] - first.null) >= large and one[0] >= HOPELESS]
         if of_side and not any(np.array_equal(of_side[0][1], start) for start in chosen):
             chosen.append(of_side[0][1])
