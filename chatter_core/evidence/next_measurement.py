@@ -1,5 +1,6 @@
 """The measurement that would part two hypotheses best for what it costs: cuts of several kinds, and receptances."""
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,7 +9,7 @@ from chatter_core.evidence.belief import Belief, fitted
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.comparison import Comparison
-from chatter_core.evidence.measured import Receptance
+from chatter_core.evidence.measured import Receptance, measuring_ranges
 from chatter_core.evidence.newton import Climb
 from chatter_core.evidence.next_trial import NextTrial
 from chatter_core.evidence.parameters import Array, column
@@ -84,6 +85,11 @@ def next_receptances(one: Hypothesis, other: Hypothesis) -> list[NextMeasurement
     campaign = one.comparison.model.campaign
     planned = _planned(campaign)
     of_one, of_other = (_predicted(hypothesis, campaign, planned) for hypothesis in (one, other))
+    # Along an axis without modes nothing moves, and there is nothing to measure.
+    moves = [min(both) > 0.0 for both in zip(measuring_ranges(of_one), measuring_ranges(of_other), strict=True)]
+    planned, of_one, of_other = (list(itertools.compress(these, moves)) for these in (planned, of_one, of_other))
+    if not planned:
+        return []
     gains = 0.5 * (_gains(one, campaign, planned, of_other) + _gains(other, campaign, planned, of_one))
     return [
         NextMeasurement(
