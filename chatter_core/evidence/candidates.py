@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from chatter_core.evidence.calibration import START_GAIN
 from chatter_core.evidence.comparison import Compared, Comparison
 from chatter_core.evidence.fit import Fit, free_parameters, maximise, result
-from chatter_core.evidence.newton import Climb
+from chatter_core.evidence.newton import Climb, Maximum
 from chatter_core.evidence.parameters import Array, Evaluation, Parameter
 from chatter_core.stages import Term
 
@@ -115,10 +115,9 @@ def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Hy
     own, known = carried(comparison, nested.fit), _in_order(comparison, nested.comparison, slope)
     added = np.array([parameter in new.term.parameters for parameter in comparison.parameters])
     climb = Climb(comparison, free_parameters(comparison, (), own))
-    at_null = climb.posterior(own)[1]
-    found = climb.stay(own, known + climb.derivatives(own, at_null, climb.width, added)[0])
-    promised = [(climb.promise_of(found), own), *_promises(climb, own, known, new)]
-    smooth, rows = Climb(comparison.smooth or comparison, climb.free), _smooth_rows(at_null)
+    found = climb.stay(own, known, added)
+    promised = [(climb.promise_of(found), own), *_promises(_Worth(climb, found, known, added), comparison, own, new)]
+    smooth, rows = Climb(comparison.smooth or comparison, climb.free), _smooth_rows(found.evaluation)
     for start in _chosen(comparison, new, promised):
         ahead = smooth.approach(start, START_GAIN, known[rows], added)
         end = climb.approach(ahead.values, START_GAIN, known, added)
@@ -127,14 +126,11 @@ def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Hy
     return Hypothesis(candidates=tuple(candidates), comparison=comparison, fit=fit)
 
 
-def _promises(climb: Climb, own: Array, known: Array, new: Candidate) -> list[tuple[float, Array]]:
+def _promises(worth: "_Worth", comparison: Comparison, own: Array, new: Candidate) -> list[tuple[float, Array]]:
     """Return starts of an effect, and what each promises over its null [nats].
 
     Each shape is looked at with the first strength, the best of them with the others too.
     """
-    comparison = climb.problem
-    assert isinstance(comparison, Comparison)
-    worth = _Worth(climb, own, known, new)
     found = [(worth.of(start), start) for start in _starts(comparison, own, new, AMPLITUDES[:1], SHAPES)]
     best = sorted(found, key=lambda one: -one[0])[:CLIMBED]
     others = [start for _, shaped in best for start in _starts(comparison, shaped, new, AMPLITUDES[1:], ())]
@@ -165,14 +161,13 @@ class _Worth:
     the smooth ones, and everything does.
     """
 
-    def __init__(self, climb: Climb, own: Array, known: Array, new: Candidate) -> None:
+    def __init__(self, climb: Climb, at_null: Maximum, known: Array, added: NDArray[np.bool_]) -> None:
         # The effect itself stays where it is put.
-        others = np.array([parameter not in new.term.parameters for parameter in climb.problem.parameters])
-        self.climb = Climb(climb.problem, climb.free & others)
-        self.height, at_null = climb.posterior(own)
-        self.smooth = _smooth_rows(at_null)
+        self.climb = Climb(climb.problem, climb.free & ~added)
+        self.height = at_null.log_posterior
+        self.smooth = _smooth_rows(at_null.evaluation)
         self.slope = np.where(self.smooth[:, None], known, 0.0)
-        self.rest = self._followed(own, at_null, self.height)
+        self.rest = self._followed(at_null.values, at_null.evaluation, self.height)
 
     def of(self, values: Array) -> float:
         """Return what values (parameter,) promise."""

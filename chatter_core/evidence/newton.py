@@ -125,9 +125,7 @@ class Climb:
         Jacobian is corrected by what every step shows, and found anew where steps fall.
         """
         here, damping, falls = self._place(np.clip(start, self.lower, self.upper)), DAMPING, 0
-        jacobian = self.derivatives(here.values, here.evaluation, self.width, added)[0]
-        if known is not None:
-            jacobian += known
+        jacobian = self._jacobian(here, known, added)
         length, blind = 1.0, False
         for _ in range(MOST_STEPS):
             gradient, information = self.expected(here.values, here.evaluation, jacobian)
@@ -174,9 +172,15 @@ class Climb:
         share = min(1.0, self._room(step * self.width))
         return float(share * gradient @ step - 0.5 * share**2 * step @ information @ step)
 
-    def stay(self, values: Array, jacobian: Array) -> Maximum:
-        """Return values (parameter,) as where a climb ended; jacobian: (coordinate, parameter) there."""
-        return self._near(self._place(values), jacobian)
+    def stay(self, values: Array, known: Array, added: NDArray[np.bool_]) -> Maximum:
+        """Return values (parameter,) as where a climb ended; known and added: as for ``approach``."""
+        here = self._place(values)
+        return self._near(here, self._jacobian(here, known, added))
+
+    def _jacobian(self, here: "_Place", known: Array | None, added: NDArray[np.bool_] | None) -> Array:
+        """Return a Jacobian (coordinate, parameter) of which some columns are found and others may be known."""
+        found = self.derivatives(here.values, here.evaluation, self.width, added)[0]
+        return found if known is None else found + known
 
     def _near(self, here: "_Place", jacobian: Array) -> Maximum:
         gradient, information = self.expected(here.values, here.evaluation, jacobian)

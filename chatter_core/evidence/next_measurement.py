@@ -13,6 +13,7 @@ from chatter_core.evidence.measured import Receptance, measuring_ranges
 from chatter_core.evidence.newton import Climb
 from chatter_core.evidence.next_trial import NextTrial
 from chatter_core.evidence.parameters import Array, column
+from chatter_core.evidence.planned import planned_campaign
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.machine import Machine
 from chatter_core.tip import AXES
@@ -126,15 +127,7 @@ def _planned(campaign: Campaign) -> list[Receptance]:
 
 def _model(hypothesis: Hypothesis, campaign: Campaign, responses: list[Receptance]) -> CampaignModel:
     """Return the model of a hypothesis of a campaign in which nothing but responses is measured."""
-    alone = replace(
-        campaign,
-        trials=None,
-        receptances=tuple(responses),
-        natural_frequencies=None,
-        stiffness=None,
-        limits=None,
-        remarks=(),
-    )
+    alone = replace(planned_campaign(campaign, None), receptances=tuple(responses))
     return replace(hypothesis.comparison.model, campaign=alone)
 
 

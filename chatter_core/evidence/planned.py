@@ -35,7 +35,7 @@ class PlannedCuts:
     status: NDArray[np.uint8]
 
 
-def planned_campaign(campaign: Campaign, trials: Trials) -> Campaign:
+def planned_campaign(campaign: Campaign, trials: Trials | None) -> Campaign:
     """Return a campaign with the same machine in which nothing is measured, but trials are planned.
 
     See docs/physics.md#comparison.

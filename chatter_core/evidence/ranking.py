@@ -40,7 +40,7 @@ def rank(base: Hypothesis, hypotheses: Sequence[Hypothesis]) -> list[Ranked]:
     """
     by_name: dict[str, list[Hypothesis]] = {}
     for hypothesis in hypotheses:
-        by_name.setdefault(" + ".join(sorted(hypothesis.names)), []).append(hypothesis)
+        by_name.setdefault(hypothesis.name, []).append(hypothesis)
     entries = [(NOTHING, 0.0, NOTHING_MISSING, base)]
     for name, variants in by_name.items():
         evidence = np.array([variant.fit.log_evidence for variant in variants])
