@@ -75,7 +75,7 @@ class Replayed:
 def replay(answer: dict[str, Any], numbers: Numbers) -> Replayed:
     """Return what a kept diagnosis answers with other numbers."""
     document = answer["document"]
-    singles = [_hypothesis([one["effect"]], one["score"]) for one in document["ranking"]]
+    singles = [_hypothesis(one["effect"], one["score"]) for one in document["ranking"]]
     powers = [
         SimpleNamespace(candidate=SimpleNamespace(name=row["effect"]), nats=row["nats"]) for row in document["power"]
     ]
@@ -89,7 +89,7 @@ def replay(answer: dict[str, Any], numbers: Numbers) -> Replayed:
         best = SimpleNamespace(names=tuple(told["effect"].split(" + ")))
         pair = SimpleNamespace(name=told["effect"], gain=told["score"], best=best)
     with numbers.in_force():
-        ranked: Any = ranking.rank(_hypothesis([], 0.0), singles)
+        ranked: Any = ranking.rank(_hypothesis("", 0.0), singles)
         found = verdict.decide(ranked, pair, powers, left)  # type: ignore[arg-type]
     return Replayed(
         verdict=found.kind,
@@ -98,9 +98,9 @@ def replay(answer: dict[str, Any], numbers: Numbers) -> Replayed:
     )
 
 
-def _hypothesis(names: Sequence[str], gain: float) -> Any:
+def _hypothesis(name: str, gain: float) -> Any:
     """Return what ``rank`` looks at of a hypothesis; its evidence over the base model's."""
-    return SimpleNamespace(names=tuple(names), fit=SimpleNamespace(log_evidence=gain))
+    return SimpleNamespace(name=name, names=(name,), fit=SimpleNamespace(log_evidence=gain))
 
 
 def replayed(case: Case, answer: dict[str, Any], numbers: Numbers) -> Case:

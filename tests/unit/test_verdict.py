@@ -91,7 +91,7 @@ def test_two_effects_are_named_when_the_first_fails_and_both_gain():
 
 
 def hypothesis(name, evidence):
-    return Named(names=(name,) if name else (), fit=Named(log_evidence=evidence))
+    return Named(name=name, fit=Named(log_evidence=evidence))
 
 
 def test_ranking_tempers_evidence_and_prefers_nothing():
