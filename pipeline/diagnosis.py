@@ -12,7 +12,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, calibrate
 from chatter_core.evidence.assessment import Assessment, Limits, Version, curvature, interval, version
 from chatter_core.evidence.belief import Belief, fitted
-from chatter_core.evidence.candidates import Candidate, Hypothesis, fit_hypothesis, refit, slope_of
+from chatter_core.evidence.candidates import Candidate, Hypothesis, fit_hypothesis, look, pursue, refit, slope_of
 from chatter_core.evidence.held_out import together
 from chatter_core.evidence.next_measurement import NextMeasurement, next_receptances, of_cut, other_cuts
 from chatter_core.evidence.next_trial import NextTrial, next_trial
@@ -32,7 +32,7 @@ from pipeline.pieces import held_out_jobs, lobe_jobs
 RESTORING = {"speed_dependent_bearing": "base", "higher_modes": "modes"}
 #: Hypotheses whose evidence comes so near to the best are fitted to their end [nats]: of others none could be named.
 CLOSE = 12.0
-#: Second effects that are tried beside the first, the best of them by themselves.
+#: Second effects that are fitted beside the first, those that promise most.
 SECONDS = 4
 #: Verdicts after which the best effect belongs to the model, although others may be tied with it.
 SUPPORTED = ("effect", "ambiguous")
@@ -148,7 +148,7 @@ def diagnose(
     (fit,) = spread(client, [Job(name="base model", call=partial(calibrate, comparison, start=known))])
     base, ranking = _ranking(client, Hypothesis(candidates=(), comparison=comparison, fit=fit), candidates)
     judged = {NOTHING: _judged(base), **{one.name: _judged(one.best) for one in ranking[:2] if one.name != NOTHING}}
-    pair = _pair(client, base, ranking, judged)
+    pair = _pair(client, base, candidates, ranking, judged)
     if pair is not None:
         judged[pair.name] = _judged(pair.best)
     powers = _powers(client, base, candidates)
@@ -273,21 +273,30 @@ def _judged(hypothesis: Hypothesis) -> Version:
 
 
 def _pair(
-    client: Client | None, base: Hypothesis, ranking: Sequence[Ranked], judged: Mapping[str, Version]
+    client: Client | None,
+    base: Hypothesis,
+    candidates: Sequence[Candidate],
+    ranking: Sequence[Ranked],
+    judged: Mapping[str, Version],
 ) -> Ranked | None:
-    """Return the best pair with the first of the ranking, None where that one suffices or nothing is missing."""
+    """Return the best pair with the first of the ranking, None where that one suffices or nothing is missing.
+
+    Seconds are those that promise most beside the first: what a model with neither says of them may be nothing.
+    """
     first = ranking[0]
     if first.name == NOTHING or not failed_checks(judged[first.name].failures):
         return None
-    seconds = [one for one in sorted(ranking, key=lambda one: -one.gain) if one.name not in (NOTHING, first.name)]
-    fitted_with = partial(fit_hypothesis, base.comparison, nested=first.best, slope=slope_of(first.best))
-    jobs = [
+    named, slope = first.best, slope_of(first.best)
+    looks = [
         Job(
-            name=f"{first.name} and {one.name}",
-            call=partial(fitted_with, [*first.best.candidates, *one.best.candidates]),
+            name=f"{first.name} and {one}",
+            call=partial(look, base.comparison, [*named.candidates, one], nested=named, slope=slope),
         )
-        for one in seconds[:SECONDS]
+        for one in candidates
+        if one.name != first.name
     ]
+    prospects = sorted(spread(client, looks), key=lambda one: -one.promise)[:SECONDS]
+    jobs = [Job(name=f"{first.name} and {one.candidates[-1]}, fitted", call=partial(pursue, one)) for one in prospects]
     pairs = [one for one in rank(base, _climbed(client, spread(client, jobs))) if one.name != NOTHING]
     return max(pairs, key=lambda one: one.gain, default=None)
 

@@ -101,13 +101,34 @@ def slope_of(hypothesis: Hypothesis) -> Array:
     return climb.derivatives(fit.estimate, here, np.asarray(fit.standard_deviation))[0]
 
 
-def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Hypothesis, slope: Array) -> Hypothesis:
-    """Fit a model with effects, starting from one that is nested in it, to near its maximum.
+@dataclass(frozen=True, kw_only=True)
+class Prospect:
+    """What a model has to gain from one effect more, before it is fitted.
+
+    candidates: the last of them is new; climb; known: Jacobian (coordinate, parameter) of the model without it; added:
+    (parameter,) which are the new effect's own; at_null: the model with the effect at its null; starts: promises
+    over the null [nats], and places (parameter,).
+    """
+
+    candidates: tuple[Candidate, ...]
+    climb: Climb
+    known: Array
+    added: NDArray[np.bool_]
+    at_null: Maximum
+    starts: list[tuple[float, Array]]
+
+    @property
+    def promise(self) -> float:
+        """The most that any start promises [nats]."""
+        return max(promise for promise, _ in self.starts)
+
+
+def look(base: Comparison, candidates: Sequence[Candidate], nested: Hypothesis, slope: Array) -> Prospect:
+    """Return what a model with effects has to gain over one that is nested in it.
 
     slope: ``slope_of(nested)``. The last of the candidates is new: it is looked at with several strengths and shapes,
     since a displaced resonance has no slope that would lead to it, and with everything else where the slope says that
-    it would go. Where neither a step from its null nor any of these promises anything, that is where it stays: the
-    score test of the effect. What comes near the truth is worth a ``refit``.
+    it would go.
 
     See docs/physics.md#diagnosis.
     """
@@ -115,15 +136,37 @@ def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Hy
     own, known = carried(comparison, nested.fit), _in_order(comparison, nested.comparison, slope)
     added = np.array([parameter in new.term.parameters for parameter in comparison.parameters])
     climb = Climb(comparison, free_parameters(comparison, (), own))
-    found = climb.stay(own, known, added)
-    promised = [(climb.promise_of(found), own), *_promises(_Worth(climb, found, known, added), comparison, own, new)]
+    at_null = climb.stay(own, known, added)
+    starts = [
+        (climb.promise_of(at_null), own),
+        *_promises(_Worth(climb, at_null, known, added), comparison, own, new),
+    ]
+    return Prospect(candidates=tuple(candidates), climb=climb, known=known, added=added, at_null=at_null, starts=starts)
+
+
+def pursue(prospect: Prospect) -> Hypothesis:
+    """Fit a model with one effect more from its best starts, to near its maximum.
+
+    Where neither a step from its null nor any start promises anything, that is where it stays: the score test of the
+    effect. What comes near the truth is worth a ``refit``.
+
+    See docs/physics.md#diagnosis.
+    """
+    climb, known, added, found = prospect.climb, prospect.known, prospect.added, prospect.at_null
+    comparison = climb.problem
+    assert isinstance(comparison, Comparison)
     smooth, rows = Climb(comparison.smooth or comparison, climb.free), _smooth_rows(found.evaluation)
-    for start in _chosen(comparison, new, promised):
+    for start in _chosen(comparison, prospect.candidates[-1], prospect.starts):
         ahead = smooth.approach(start, START_GAIN, known[rows], added)
         end = climb.approach(ahead.values, START_GAIN, known, added)
         found = end if end.log_posterior > found.log_posterior + SMALLEST_PROMISE else found
     fit = result(comparison, found, climb.evaluations, -np.inf)
-    return Hypothesis(candidates=tuple(candidates), comparison=comparison, fit=fit)
+    return Hypothesis(candidates=prospect.candidates, comparison=comparison, fit=fit)
+
+
+def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Hypothesis, slope: Array) -> Hypothesis:
+    """Fit a model with effects, starting from one that is nested in it: ``look`` and ``pursue``."""
+    return pursue(look(base, candidates, nested, slope))
 
 
 def _promises(worth: "_Worth", comparison: Comparison, own: Array, new: Candidate) -> list[tuple[float, Array]]:

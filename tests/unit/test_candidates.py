@@ -7,12 +7,22 @@ import pytest
 
 from chatter_core.effects import variants
 from chatter_core.evidence import CampaignModel, Comparison, base_model, calibrate
-from chatter_core.evidence.candidates import Candidate, Hypothesis, extended, fit_hypothesis, refit, slope_of
+from chatter_core.evidence.candidates import (
+    LEFT_GAIN,
+    Candidate,
+    Hypothesis,
+    extended,
+    fit_hypothesis,
+    refit,
+    slope_of,
+)
+from chatter_core.evidence.fit import free_parameters, maximise
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.next_trial import next_trial
 from chatter_core.evidence.power import ENOUGH, power
 from chatter_core.evidence.ranking import NOTHING, rank
-from tests.synthetic import RPM, campaign, tip_machine, trials
+from pipeline.diagnosis import CLOSE
+from tests.synthetic import RPM, campaign, measured, tip_machine, trials
 
 #: Low speeds, where ploughing damps: 30 m/min and more on a cutter of 12 mm.
 SPEEDS = np.linspace(800.0, 3000.0, 12) * RPM
@@ -77,6 +87,25 @@ def test_nothing_hidden_is_said_to_be_nothing():
     assert ranking[0].name == NOTHING
     # It starts at what is nested in it, and cannot end below, but for the density of its own prior.
     assert all(one.fit.log_likelihood > base.fit.log_likelihood - 1.0 for one in found)
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5])
+@pytest.mark.parametrize("difference", [0.35, -0.35])
+def test_a_large_effect_is_found_to_either_side(difference, seed):
+    """The fit ends where one that starts at the truth does, though calibration has bent all else to imitate it."""
+    speed, depth = np.meshgrid(np.linspace(5000.0, 16000.0, 9) * RPM, np.geomspace(0.5e-3, 8e-3, 6), indexing="ij")
+    plan = campaign(tip_machine(), trials=trials(speed.ravel(), depth.ravel()))
+    model = base_model(plan, (ASYMMETRY.term,))
+    truth = model.nulls
+    truth[[p.name for p in model.parameters].index(ASYMMETRY.amplitudes[0].name)] = difference
+    base = base_of(measured(plan, truth, np.random.default_rng(seed), (ASYMMETRY.term,)))
+    found = fit_hypothesis(base.comparison, [ASYMMETRY], base, slope_of(base))
+    free = free_parameters(found.comparison, (), truth)
+    best = maximise(found.comparison, [truth], free, 1, LEFT_GAIN).log_posterior
+    assert best > base.fit.log_posterior + 15.0
+    # What comes so near is climbed to its end, and arrives but for what a jumping datum leaves.
+    assert found.fit.log_posterior > best - CLOSE
+    assert refit(found, found.fit).fit.log_posterior > best - 0.5
 
 
 def test_power_tells_what_would_be_seen_from_what_would_not(damped):
