@@ -171,7 +171,7 @@ def milling_equation(
         spindle_speed=speed,
         tool=machine.tool,
         coefficients=stages.force_coefficients(machine, speed),
-        passages=stages.passages(),
+        passages=stages.passages,
     )
     used, system_index = np.unique(speed_index, return_inverse=True)
     cut = stages.regeneration(gain)

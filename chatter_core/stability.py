@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_core.chain import Structure, milling_equation
-from chatter_core.floquet import FloquetSolution, MethodSettings, analyse, critical_motion
+from chatter_core.floquet import FloquetSolution, MethodSettings, analyse, critical_multiplier
 from chatter_core.floquet.harmonics import square
 from chatter_core.machine import Machine
 from chatter_core.stages import Stages, stages_of
@@ -81,10 +81,10 @@ def evaluate(
     result = without_result(len(axial_depth), int(built.cut_modes.label.max()))
     stages = stages_of(model)
     candidates, resolved = _candidates(stages, built, speed_index, refinement, result.status)
-    for points in _batches(candidates, resolved + len(stages.passages()), method):
+    for points in _batches(candidates, resolved + len(stages.passages), method):
         equation = milling_equation(stages, built, speed_index[points], axial_depth[points])
         solution = analyse(equation, method, refinement[points])
-        _fill(result, points, built, speed_index[points], solution, stages.teeth(stages.machine.tool).repeat)
+        _fill(result, points, built, speed_index[points], solution, stages.passages.repeat)
     return result
 
 
@@ -103,10 +103,10 @@ def critical_multipliers(
     result = np.full(len(axial_depth), np.nan, dtype=complex)
     stages = stages_of(model)
     candidates, resolved = _candidates(stages, built, speed_index, refinement, np.zeros(len(result), dtype=np.uint8))
-    for points in _batches(candidates, resolved + len(stages.passages()), method):
+    for points in _batches(candidates, resolved + len(stages.passages), method):
         equation = milling_equation(stages, built, speed_index[points], axial_depth[points])
-        critical = critical_motion(equation, method, refinement[points])
-        growth = per_tooth(critical.multiplier, stages.teeth(stages.machine.tool).repeat)
+        critical = critical_multiplier(equation, method, refinement[points])
+        growth = per_tooth(critical.value, stages.passages.repeat)
         result[points] = np.where(critical.converged, growth, np.nan)
     return result
 

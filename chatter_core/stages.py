@@ -7,6 +7,7 @@ one wrapped or replaced; the chain asks nothing about it. The functions below ar
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -171,8 +172,9 @@ class Stages:
     force_coefficients: Callable[[Machine, Array], ForceCoefficients] = force_coefficients
     regeneration: Callable[[CuttingGain], Regeneration] = regeneration
 
+    @cached_property
     def passages(self) -> Passages:
-        """Return which tooth cuts at which angles."""
+        """Which tooth cuts at which angles."""
         process = self.machine.process
         return passages(self.teeth(self.machine.tool), self.engagement(process), process.feed_per_tooth)
 

@@ -102,8 +102,8 @@ def passages(teeth: Teeth, engagement: Engagement, feed_per_tooth: float) -> Pas
 
     See docs/physics.md#teeth.
     """
-    count, rows = len(teeth.pitch), list[tuple[float, ...]]()
-    for tooth in range(teeth.repeat):
+    count, repeat, rows = len(teeth.pitch), teeth.repeat, list[tuple[float, ...]]()
+    for tooth in range(repeat):
         ahead = float(teeth.pitch[:tooth].sum()) * 2.0 * math.pi / count
         pitches = np.cumsum(np.roll(teeth.pitch, -tooth))
         longer = teeth.radius[tooth] - np.roll(teeth.radius, -tooth - 1)
@@ -111,9 +111,7 @@ def passages(teeth: Teeth, engagement: Engagement, feed_per_tooth: float) -> Pas
             for entry, leave in _stretches(low, high, engagement):
                 rows.append((ahead, entry, leave, float(pitches[k]), float(longer[k])))
     ahead_of, entries, exits, since, excess = np.array(rows).T
-    return Passages(
-        ahead=ahead_of, entry=entries, exit=exits, pitches=since, longer=excess, repeat=teeth.repeat, teeth=count
-    )
+    return Passages(ahead=ahead_of, entry=entries, exit=exits, pitches=since, longer=excess, repeat=repeat, teeth=count)
 
 
 def _envelope(slope: Array, start: Array) -> list[tuple[float, float, int]]:

@@ -26,6 +26,9 @@ SPEED_MARGIN, DEPTH_MARGIN = 0.04, 1.15
 #: Differences are taken over this share of a parameter's standard deviation: where another branch of multipliers
 #: takes over within one, its slope would count far from where it rules.
 STEP = 0.03
+#: Where ln|mu| is farther than this from zero its deviation is not asked for, and told as none: there no parameter is
+#: so uncertain that it would matter.
+FAR = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,9 +36,8 @@ class Field:
     """ln|mu| over speed and depth, for the trials that were set up alike.
 
     machine: as they were set up, otherwise as described; trials: (trial,) which ones; limits: (row,) which limit
-    depths; spindle_speed [rad/s],
-    axial_depth [m]; growth and deviation: (speed, depth), ln|mu| and its standard deviation, NaN where the model
-    has no answer.
+    depths; spindle_speed [rad/s], axial_depth [m]; growth: (speed, depth), ln|mu|; deviation: its standard deviation,
+    0 farther than FAR from the boundary; both NaN where the model has no answer.
     """
 
     machine: Machine
@@ -111,25 +113,27 @@ def _growth_near_boundary(stages: Stages, model: CampaignModel, speed: Array, de
 
 
 def _deviation(model: CampaignModel, machine: Machine, known: Belief, speed: Array, depth: Array) -> Array:
-    """Return the standard deviation of ln|mu| (speed, depth), to first order in the parameters."""
-    growth, slopes = _growth(model, machine, known.estimate, speed, depth), []
+    """Return the standard deviation of ln|mu| (speed, depth), to first order in the parameters; 0 where it is far."""
+    at_speed, depths = np.repeat(np.arange(len(speed)), len(depth)), np.tile(depth, len(speed))
+    growth, slopes = _growth(model, machine, known.estimate, speed, at_speed, depths), []
+    near = np.abs(growth) < FAR
     moved = [i for i, p in enumerate(model.parameters) if p.touches != "measurement" and known.deviation[i] > 0.0]
     for index in moved:
         aside = known.estimate.copy()
         step = STEP * known.deviation[index]
         aside[index] += step if aside[index] + step <= model.parameters[index].upper else -step
         by = (aside[index] - known.estimate[index]) / known.deviation[index]
-        slopes.append((_growth(model, machine, aside, speed, depth) - growth) / by)
-    if not moved:
-        return np.zeros_like(growth)
-    slope, correlation = np.stack(slopes, axis=-1), known.correlation[np.ix_(moved, moved)]
-    return np.asarray(np.sqrt(np.maximum(np.einsum("sdi,ij,sdj->sd", slope, correlation, slope), 0.0)))
+        slopes.append((_growth(model, machine, aside, speed, at_speed[near], depths[near]) - growth[near]) / by)
+    deviation = np.where(np.isnan(growth), np.nan, 0.0)
+    if moved:
+        slope, correlation = np.stack(slopes, axis=-1), known.correlation[np.ix_(moved, moved)]
+        deviation[near] = np.sqrt(np.maximum(np.einsum("ci,ij,cj->c", slope, correlation, slope), 0.0))
+    return deviation.reshape(len(speed), len(depth))
 
 
-def _growth(model: CampaignModel, machine: Machine, values: Array, speed: Array, depth: Array) -> Array:
-    """Return ln|mu| (speed, depth)."""
+def _growth(model: CampaignModel, machine: Machine, values: Array, speed: Array, index: Indices, depth: Array) -> Array:
+    """Return ln|mu| (cell,) of cells at a speed by its index and a depth."""
     stages = model.stages(values, machine)
     built = structure(stages, speed, mode_count=model.available(model.cut_modes))
-    index, depths = np.repeat(np.arange(len(speed)), len(depth)), np.tile(depth, len(speed))
-    multiplier = critical_multipliers(stages, built, index, depths, model.method, np.ones(len(index)))
-    return np.log(np.maximum(np.abs(multiplier), SMALLEST_RADIUS)).reshape(len(speed), len(depth))
+    multiplier = critical_multipliers(stages, built, index, depth, model.method, np.ones(len(index)))
+    return np.log(np.maximum(np.abs(multiplier), SMALLEST_RADIUS))

@@ -22,7 +22,7 @@ GROUPS = 5
 #: Speeds nearer than this to each other are one speed [ln].
 SAME_SPEED = 0.01
 #: Calibrations without some cuts end where the next step promises less [nats]: no prediction hangs on it.
-TRAINED = 0.1
+TRAINED = 0.5
 #: Fewer distinct speeds than this leave nothing to learn from.
 FEWEST_SPEEDS = 3
 

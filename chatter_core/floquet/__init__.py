@@ -1,6 +1,6 @@
 """Floquet analysis of linear periodic systems with delayed feedback; knows nothing of milling."""
 
-from chatter_core.floquet.analysis import FloquetSolution, analyse, critical_motion
+from chatter_core.floquet.analysis import FloquetSolution, analyse, critical_motion, critical_multiplier
 from chatter_core.floquet.equation import DelayedFeedback, DelayEquation, Gain, LinearSystem, Spectrum
 from chatter_core.floquet.method import MethodSettings
 
@@ -14,4 +14,5 @@ __all__ = [
     "Spectrum",
     "analyse",
     "critical_motion",
+    "critical_multiplier",
 ]

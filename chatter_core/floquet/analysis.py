@@ -9,7 +9,7 @@ from chatter_core.floquet import compiled, multipliers, semi_discretization
 from chatter_core.floquet.equation import Array, ComplexArray, DelayEquation
 from chatter_core.floquet.harmonics import harmonics
 from chatter_core.floquet.method import MethodSettings
-from chatter_core.floquet.multipliers import CriticalMotion
+from chatter_core.floquet.multipliers import CriticalMotion, CriticalMultiplier, Monodromy
 
 #: The residual of a multiplier is this share of the tolerance, for its condition, and never larger than that.
 RESIDUAL_SHARE, LARGEST_RESIDUAL = 1e-3, 1e-7
@@ -57,10 +57,27 @@ def critical_motion(equation: DelayEquation, method: MethodSettings, refinement:
 
     See docs/physics.md#critical-multiplier.
     """
+    return multipliers.critical_motion(*_operator(equation, method, refinement))
+
+
+def critical_multiplier(
+    equation: DelayEquation, method: MethodSettings, refinement: Array | float = 1.0
+) -> CriticalMultiplier:
+    """Find the critical multiplier of every point, and not its motion.
+
+    Raises UnsupportedEquation when the method does not solve such an equation.
+
+    See docs/physics.md#critical-multiplier.
+    """
+    return multipliers.critical_multiplier(*_operator(equation, method, refinement))
+
+
+def _operator(equation: DelayEquation, method: MethodSettings, refinement: Array | float) -> tuple[Monodromy, float]:
+    """Return the monodromy operator and the residual that a multiplier of it may have."""
     if method.name == "collocation":
         assert method.tolerance is not None
         residual = min(LARGEST_RESIDUAL, RESIDUAL_SHARE * method.tolerance)
-        return multipliers.critical_motion(compiled.build(equation, refinement), residual)
+        return compiled.build(equation, refinement), residual
     assert method.intervals is not None
     assert method.order is not None
-    return multipliers.critical_motion(semi_discretization.build(equation, method.intervals, method.order))
+    return semi_discretization.build(equation, method.intervals, method.order), multipliers.RESIDUAL_TOLERANCE

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from chatter_core.errors import UnsupportedEquation
 from chatter_core.floquet.equation import Array, ComplexArray, DelayEquation, Gain
-from chatter_core.floquet.multipliers import arnoldi
+from chatter_core.floquet.multipliers import Krylov, arnoldi
 
 #: Gauss nodes an element.
 NODES = 6
@@ -74,9 +74,14 @@ class CollocationMonodromy:
             state, after[:, element] = moved[:, : self.states], moved[:, self.states :]
         return np.concatenate([state, after.reshape(len(vectors), -1)], axis=1)
 
-    def krylov(self, start: Array, steps: int) -> tuple[Array, Array]:
+    @property
+    def several_delays(self) -> bool:
+        """Whether the period holds several delays: here it is the only one."""
+        return False
+
+    def krylov(self, start: Array, steps: int, known: Krylov | None = None) -> Krylov:
         """Return basis and Hessenberg matrix of Arnoldi's method, see ``multipliers.arnoldi``."""
-        return arnoldi(self.apply, np.broadcast_to(start, self.shape), steps)
+        return arnoldi(self.apply, np.broadcast_to(start, self.shape), steps, known)
 
     def select(self, points: NDArray[np.intp]) -> Self:
         """Return the operator of some of the points."""

@@ -36,7 +36,7 @@ from chatter_core.floquet import collocation, delays
 from chatter_core.floquet.collocation import NODES, Elements
 from chatter_core.floquet.delays import LookBack
 from chatter_core.floquet.equation import Array, ComplexArray, DelayEquation
-from chatter_core.floquet.multipliers import EXHAUSTED, WARM_UP
+from chatter_core.floquet.multipliers import EXHAUSTED, WARM_UP, Krylov, grown
 from chatter_core.jit import compiled
 
 #: Below this |z| the integrals are a power series of so many terms, above they are integrated by
@@ -105,11 +105,16 @@ class CompiledMonodromy:
         shared = ("alive", "sees", "pushes", "pushed", "inputs")
         return replace(self, **{name: array[points] for name, array in vars(self).items() if name not in shared})
 
-    def krylov(self, start: Array, steps: int) -> tuple[Array, Array]:
-        """Return Arnoldi's basis (point, steps + 1, size) and Hessenberg matrix (point, steps + 1, steps)."""
+    @property
+    def several_delays(self) -> bool:
+        """Whether the period holds several delays."""
+        return bool(self.origin.shape[2])
+
+    def krylov(self, start: Array, steps: int, known: Krylov | None = None) -> Krylov:
+        """Return basis and Hessenberg matrix of Arnoldi's method, see ``multipliers.arnoldi``."""
         points, size = self.shape
-        basis, hessenberg = np.zeros((points, steps + 1, size)), np.zeros((points, steps + 1, steps))
-        _krylov(*self._map(), self.alive, self.system_index, start, basis, hessenberg)
+        basis, hessenberg, done = grown(points, steps, size, known)
+        _krylov(*self._map(), self.alive, self.system_index, start, done, basis, hessenberg)
         return basis, hessenberg
 
     def force(self, vectors: ComplexArray) -> tuple[Array, Array, ComplexArray]:
@@ -526,9 +531,9 @@ def _orthogonalise(new, basis, hessenberg, j, size):  # type: ignore[no-untyped-
 @compiled
 def _krylov(  # type: ignore[no-untyped-def]
     sees, pushes, piece, count, cuts, table, advance, observe, drive, respond, solve, gain, origin, past, share,
-    term_gain, alive, system, start, basis, hessenberg,
+    term_gain, alive, system, start, done, basis, hessenberg,
 ):  # fmt: skip
-    """Build the Krylov space of every point by Arnoldi's method."""
+    """Build the Krylov space of every point by Arnoldi's method, from where ``done`` steps of it have come to."""
     parts, values, steps = alive.shape[1], observe.shape[2], hessenberg.shape[2]
     new, work = np.empty(len(start)), np.empty((3, max(values, drive.shape[3])))
     force = np.empty((piece.shape[1], drive.shape[3]))
@@ -540,10 +545,14 @@ def _krylov(  # type: ignore[no-untyped-def]
             sees, pushes, piece[p], count[p], cuts[p], table[p], advance[p], observe[p], drive[p], respond[p], solve[p],
             gain[p], origin[p], past[p], share[p], term_gain[p],
         )  # fmt: skip
-        for i in range(size):
-            new[i] = start[i] * alive[system[p], i] if i < parts else start[i]
-        norm = _norm(new, size)
-        for j in range(-WARM_UP, min(steps, size) + 1):
+        if done > 0:
+            new[:] = basis[p, done]
+            norm = 1.0 if hessenberg[p, done, done - 1] != 0.0 else 0.0
+        else:
+            for i in range(size):
+                new[i] = start[i] * alive[system[p], i] if i < parts else start[i]
+            norm = _norm(new, size)
+        for j in range(done if done > 0 else -WARM_UP, min(steps, size) + 1):
             if norm == 0.0 or not np.isfinite(norm):
                 break
             vector = basis[p, max(j, 0)]

@@ -16,6 +16,7 @@ from chatter_core.errors import UnsupportedEquation
 from chatter_core.floquet import collocation
 from chatter_core.floquet.collocation import NODES, Elements
 from chatter_core.floquet.equation import Array, DelayEquation
+from chatter_core.jit import compiled
 
 #: A delay may exceed the period by this share: by rounding.
 DELAY_TOLERANCE = 1e-12
@@ -27,8 +28,9 @@ BREAK_TOLERANCE = 1e-10
 class LookBack:
     """Where delayed outputs come from, arrays (point, element, term, node, ...).
 
-    element: the element that holds them; past: whether a period ago; weight: (.., node) of the values
-    at its nodes. gain: of each term (point, element, term, node, input, output).
+    Terms are those that act in an element, as many as act anywhere at once. element: the element that holds them; past:
+    whether a period ago; weight: (.., node) of the values at its nodes. gain: (point, element, term, node, input,
+    output).
     """
 
     element: NDArray[np.intp]
@@ -113,19 +115,46 @@ def _pieces_with_nodes(equation: DelayEquation, breakpoints: Array, delays: Arra
 
 def _look_back(equation: DelayEquation, layout: Elements, delays: Array) -> LookBack:
     time = layout.node_time
-    earlier = time[:, :, None, :] - delays[:, None, :, None]
-    past = earlier < layout.start[:, :1, None, None]
-    earlier = np.where(past, earlier + equation.period[:, None, None, None], earlier)
-    start = np.where(layout.length > 0.0, layout.start, np.inf)
-    # Pieces of no length share their start with the next: the last that has begun is the one.
-    element = (earlier[..., None] >= start[:, None, None, None, :]).sum(axis=-1)
-    element = np.clip(element - 1, 0, start.shape[1] - 1)
-    order = np.argsort(start, axis=1, kind="stable")
-    rows = np.arange(len(time))[:, None, None, None]
-    element = order[rows, element]
-    length = np.where(layout.length > 0.0, layout.length, 1.0)
-    place = (earlier - layout.start[rows, element]) / length[rows, element]
-    powers = place[..., None] ** np.arange(NODES)
     gain = np.stack([feedback.gain(time) for feedback in equation.feedback], axis=2)
     gain[~layout.acts] = 0.0
-    return LookBack(element=element, past=past, weight=powers @ collocation.lagrange_powers().T, gain=gain)
+    # Of many teeth few cut at once: the terms that act in an element come first, and what acts nowhere is left out.
+    acts = np.any(gain != 0.0, axis=(3, 4, 5))
+    order = np.argsort(~acts, axis=2, kind="stable")[:, :, : max(1, acts.sum(axis=2).max())]
+    gain = np.take_along_axis(gain, order[..., None, None, None], axis=2)
+    earlier = time[:, :, None, :] - delays[np.arange(len(time))[:, None, None], order][..., None]
+    past = earlier < layout.start[:, :1, None, None]
+    earlier = np.where(past, earlier + equation.period[:, None, None, None], earlier)
+    element, weight = np.empty(earlier.shape, dtype=np.intp), np.empty((*earlier.shape, NODES))
+    _interpolate(layout.start, layout.length, earlier, collocation.lagrange_powers(), element, weight)
+    return LookBack(element=element, past=past, weight=weight, gain=gain)
+
+
+@compiled
+def _interpolate(start, length, time, powers, element, weight):  # type: ignore[no-untyped-def]
+    """Fill which element (point, ...) holds each time, and the weights (.., node) of its nodes there.
+
+    That is the last that has begun, the first where none has; elements of no length, which share their start with
+    others, hold nothing. powers: (node, power), of the polynomial that is one at a node.
+    """
+    nodes = len(powers)
+    for p in range(len(time)):
+        times, held, weights = time[p].reshape(-1), element[p].reshape(-1), weight[p].reshape(-1, nodes)
+        first = 0
+        while length[p, first] == 0.0:
+            first += 1
+        found = first
+        for i in range(len(times)):
+            # Times ascend from node to node, so the search mostly goes on from where it was.
+            found = found if start[p, found] <= times[i] else first
+            for e in range(found + 1, start.shape[1]):
+                if length[p, e] > 0.0:
+                    if start[p, e] > times[i]:
+                        break
+                    found = e
+            held[i] = found
+            place = (times[i] - start[p, found]) / length[p, found]
+            for n in range(nodes):
+                value = 0.0
+                for power in range(nodes - 1, -1, -1):
+                    value = value * place + powers[n, power]
+                weights[i, n] = value

@@ -15,12 +15,15 @@ from chatter_core.floquet.ritz import dominant_pair
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+Krylov = tuple[Array, Array]
 
 #: Applications before the Krylov space is begun: they remove what decays at once.
 WARM_UP = 2
 #: Sizes of the Krylov space at which the critical Ritz value is tested, beyond 4 and 9/8 of the states:
 #: every mode has a multiplier, and only a few more are felt.
 BEYOND_STATES = (0, 4, 10, 22, 44, 84)
+#: With several delays the period is longer, more has decayed, and it is worth a look before.
+BEFORE_STATES = (-8, -4)
 #: Default residual of the critical Ritz pair, relative to its modulus.
 RESIDUAL_TOLERANCE = 1e-9
 #: Part of an applied vector outside the space, relative to it, that counts as rounding.
@@ -38,8 +41,15 @@ class Monodromy(Protocol):
     def states(self) -> int:
         """Number of states of the linear system, at most that of the discretised state."""
 
-    def krylov(self, start: Array, steps: int) -> tuple[Array, Array]:
-        """Return Arnoldi's basis (point, steps + 1, size) and Hessenberg matrix (point, steps + 1, steps)."""
+    @property
+    def several_delays(self) -> bool:
+        """Whether the period holds several delays."""
+
+    def krylov(self, start: Array, steps: int, known: Krylov | None = None) -> Krylov:
+        """Return Arnoldi's basis (point, steps + 1, size) and Hessenberg matrix (point, steps + 1, steps).
+
+        known: those of fewer steps, which are gone on from.
+        """
 
     def select(self, points: NDArray[np.intp]) -> Self:
         """Return the operator of some of the points."""
@@ -113,37 +123,41 @@ def _critical_multiplier(monodromy: Monodromy, residual_tolerance: float) -> Cri
     start = np.random.default_rng(20111).standard_normal(size)
     open_points = np.arange(points)
     first = monodromy.states + monodromy.states // 8 + 4
-    for wanted in sorted({min(first + beyond, size) for beyond in BEYOND_STATES}):
-        theta, ritz, error = dominant_pair(*monodromy.krylov(start, wanted), residual_tolerance)
+    known: Krylov | None = None
+    beyond = (*BEFORE_STATES, *BEYOND_STATES) if monodromy.several_delays else BEYOND_STATES
+    for wanted in sorted({min(max(first + more, 1), size) for more in beyond}):
+        basis, hessenberg = monodromy.krylov(start, wanted, known)
+        theta, ritz, error = dominant_pair(basis, hessenberg, residual_tolerance)
         value[open_points], vector[open_points], residual[open_points] = theta, ritz, error
         unsettled = ~(error <= residual_tolerance * np.abs(theta))
         if not unsettled.any():
             break
         open_points, monodromy = open_points[unsettled], monodromy.select(np.flatnonzero(unsettled))
+        known = basis[unsettled], hessenberg[unsettled]
     # A value of exactly zero is what is left of vectors that overflowed.
     converged = (residual <= residual_tolerance * np.abs(value)) & (value != 0.0) & np.isfinite(value)
     return CriticalMultiplier(value=value, vector=vector, converged=converged)
 
 
-def arnoldi(apply: Callable[[Array], Array], start: Array, steps: int) -> tuple[Array, Array]:
+def arnoldi(apply: Callable[[Array], Array], start: Array, steps: int, known: Krylov | None = None) -> Krylov:
     """Return basis (point, steps + 1, size) and Hessenberg matrix (point, steps + 1, steps) of a map of vectors.
 
-    ``apply`` maps vectors (point, size); start: (point, size).
+    ``apply`` maps vectors (point, size); start: (point, size); known: those of fewer steps, which are gone on from.
 
     See docs/physics.md#critical-multiplier.
     """
-    basis = np.zeros((len(start), steps + 1, start.shape[1]))
-    hessenberg = np.zeros((len(start), steps + 1, steps))
-    for _ in range(WARM_UP):
-        start = _unit(apply(start))
-    basis[:, 0] = start
-    for j in range(steps):
+    basis, hessenberg, done = grown(len(start), steps, start.shape[1], known)
+    if not done:
+        for _ in range(WARM_UP):
+            start = _unit(apply(start))
+        basis[:, 0] = start
+    for j in range(done, steps):
         new = _finite(apply(basis[:, j]))
         least = EXHAUSTED * _norm(new)
-        known = basis[:, : j + 1]
+        space = basis[:, : j + 1]
         for _ in range(2):  # once is not enough where the new vector nearly lies in the space
-            overlap = (known @ new[:, :, None])[..., 0]
-            new = new - (overlap[:, None, :] @ known)[:, 0]
+            overlap = (space @ new[:, :, None])[..., 0]
+            new = new - (overlap[:, None, :] @ space)[:, 0]
             hessenberg[:, : j + 1, j] += overlap
         length = _norm(new)
         # What is left of an exhausted space is rounding. It is exact already, and a zero vector
@@ -152,6 +166,18 @@ def arnoldi(apply: Callable[[Array], Array], start: Array, steps: int) -> tuple[
         hessenberg[:, j + 1, j] = np.where(exhausted, 0.0, length)
         basis[:, j + 1] = np.where(exhausted, 0.0, 1.0 / np.where(exhausted, 1.0, length))[:, None] * new
     return basis, hessenberg
+
+
+def grown(points: int, steps: int, size: int, known: Krylov | None) -> tuple[Array, Array, int]:
+    """Return room for basis and Hessenberg matrix with what is known of them, and how many steps that is.
+
+    See docs/physics.md#critical-multiplier.
+    """
+    basis, hessenberg, done = np.zeros((points, steps + 1, size)), np.zeros((points, steps + 1, steps)), 0
+    if known is not None:
+        done = known[1].shape[2]
+        basis[:, : done + 1], hessenberg[:, : done + 1, :done] = known
+    return basis, hessenberg, done
 
 
 def _finite(vectors: Array) -> Array:

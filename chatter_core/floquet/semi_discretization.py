@@ -21,7 +21,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from chatter_core.floquet.equation import Array, ComplexArray, DelayEquation, Gain
-from chatter_core.floquet.multipliers import arnoldi
+from chatter_core.floquet.multipliers import Krylov, arnoldi
 
 #: Gauss nodes in each smooth part of an interval for the mean of a gain.
 MEAN_NODES = 4
@@ -92,9 +92,14 @@ class SemiDiscretizationMonodromy:
         latest = outputs[:, -2 : -self.history - 2 : -1]
         return np.concatenate([state, latest.reshape(len(vectors), -1)], axis=1)
 
-    def krylov(self, start: Array, steps: int) -> tuple[Array, Array]:
+    @property
+    def several_delays(self) -> bool:
+        """Whether the period holds several delays."""
+        return len(self.delayed) > 1
+
+    def krylov(self, start: Array, steps: int, known: Krylov | None = None) -> Krylov:
         """Return basis and Hessenberg matrix of Arnoldi's method, see ``multipliers.arnoldi``."""
-        return arnoldi(self.apply, np.broadcast_to(start, self.shape), steps)
+        return arnoldi(self.apply, np.broadcast_to(start, self.shape), steps, known)
 
     def select(self, points: NDArray[np.intp]) -> Self:
         """Return the operator of some of the points."""

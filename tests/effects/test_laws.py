@@ -310,7 +310,7 @@ def test_a_power_law_is_the_slope_of_the_force_slice_by_slice(runout: float, ref
     stages = apply_effects(reference_machine.model_copy(update={"process": process}), effects)
     speed, depth, step = np.array([9000.0]) * RPM, 4e-3, 1e-8
     problem = milling_equation(stages, structure(stages, speed, mode_count=1), np.array([0]), np.array([depth]))
-    who, K, count = stages.passages(), stages.force_coefficients(reference_machine, speed), 4000
+    who, K, count = stages.passages, stages.force_coefficients(reference_machine, speed), 4000
     lag = 2.0 * (np.arange(count) + 0.5) / count * depth * math.tan(math.radians(30.0)) / 0.016
 
     def force(time: float, x: float, y: float) -> np.ndarray:

@@ -109,7 +109,7 @@ def test_a_cutter_far_off_its_axis_has_one_tooth(phase: float, reference_machine
     process = reference_machine.process.model_copy(update={"feed_per_tooth": 1e-5})
     machine = reference_machine.model_copy(update={"process": process})
     stages = model(machine, "tool_runout", runout_um=500.0, phase_deg=phase)
-    assert np.unique(stages.passages().pitches) == 4.0
+    assert np.unique(stages.passages.pitches) == 4.0
     rpm, depth = [5000.0, 14000.0], [1.0, 3.0]
     alone = radii(tool(reference_machine, teeth=1), rpm, depth)
     assert radii(stages, rpm, depth) ** 4 == pytest.approx(alone, rel=1e-9)
@@ -142,7 +142,7 @@ def test_runout_lets_teeth_miss_and_needs_more_feed_to_let_them_cut(reference_ma
             runout_um=runout_um,
             phase_deg=20.0,
         )
-        return len(np.unique(stages.passages().ahead))
+        return len(np.unique(stages.passages.ahead))
 
     assert [cutting(0.08, runout) for runout in (20.0, 150.0, 500.0)] == [4, 3, 1]
     assert cutting(0.8, 150.0) == 4

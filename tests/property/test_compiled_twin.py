@@ -40,6 +40,19 @@ def test_one_input_an_overdamped_pair_of_poles_and_a_steady_gain():
     agree(oscillator(frequency=3.0, damping=1.4, mass=1.0, gain=2.0, period=1.7))
 
 
+@pytest.mark.parametrize("twin", [collocation, compiled])
+def test_a_krylov_space_that_is_gone_on_from_is_the_one_that_is_built_at_once(twin):
+    operator = twin.build(
+        milling_benchmark(direction="slot", immersion=1.0, rpm=[5000.0] * 3, depth_mm=[0.2, 0.6, 2.0], axes=(0, 1))
+    )
+    start = np.random.default_rng(3).standard_normal(operator.shape[1])
+    at_once, begun = operator.krylov(start, 12), operator.krylov(start, 5)
+    kept = np.array([0, 2])
+    gone_on = operator.select(kept).krylov(start, 12, tuple(part[kept] for part in begun))
+    for part, other in zip(at_once, gone_on, strict=True):
+        assert np.array_equal(part[kept], other)
+
+
 def test_forces_belong_to_the_same_motion():
     problem = milling_benchmark(direction="down", immersion=0.4, rpm=[7000.0], depth_mm=[0.8], axes=(0, 1))
     found = []
