@@ -118,7 +118,10 @@ def per_tooth(multiplier: ComplexArray, tooth_periods: int) -> ComplexArray:
 
     See docs/physics.md#teeth.
     """
-    return multiplier if tooth_periods == 1 else multiplier * np.abs(multiplier) ** (1.0 / tooth_periods - 1.0)
+    if tooth_periods == 1:
+        return multiplier
+    modulus = np.abs(multiplier)
+    return multiplier * np.where(modulus > 0.0, modulus, 1.0) ** (1.0 / tooth_periods - 1.0)
 
 
 def without_result(points: int, modes: int, status: int = 0) -> Stability:
