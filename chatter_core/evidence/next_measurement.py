@@ -91,7 +91,9 @@ def next_receptances(one: Hypothesis, other: Hypothesis) -> list[NextMeasurement
     planned, of_one, of_other = (list(itertools.compress(these, moves)) for these in (planned, of_one, of_other))
     if not planned:
         return []
-    gains = 0.5 * (_gains(one, campaign, planned, of_other) + _gains(other, campaign, planned, of_one))
+    told = zip(_told(one, campaign, of_other), _told(other, campaign, of_one), strict=True)
+    # Where one of both has no answer, nothing can be said of what it would tell.
+    gains = np.nan_to_num([divergence(*both) for both in told])
     return [
         NextMeasurement(
             kind=f"receptance {AXES[response.output_axis]} over {AXES[response.input_axis]}",
@@ -151,26 +153,44 @@ def _predicted(hypothesis: Hypothesis, campaign: Campaign, planned: list[Recepta
     return [replace(one, value=value) for one, value in zip(planned, prediction.receptances, strict=True)]
 
 
-def _gains(hypothesis: Hypothesis, campaign: Campaign, planned: list[Receptance], values: list[Receptance]) -> Array:
-    """Return the evidence (response,) that each response would bring against a hypothesis, were it as in ``values``.
+def _told(hypothesis: Hypothesis, campaign: Campaign, values: list[Receptance]) -> list[tuple[Array, Array]]:
+    """Return of each response how far it lies from what a hypothesis expects (coordinate,), were it as in ``values``.
 
-    Half the squared distance in deviations, as far as what the hypothesis does not know of itself cannot make it up:
-    1/2 r^T (1 + J P J^T)^-1 r with its derivatives J and the covariance P of its parameters.
+    With it the hypothesis's own doubt: J L (coordinate, parameter), where J are the derivatives and L L^T the
+    covariance of its parameters. Both in deviations of the measurement.
     """
     model = _model(hypothesis, campaign, values)
     problem = Comparison(model=model, quantities=("receptance",))
     known = _known(hypothesis, model)
     here = problem.evaluate(known.estimate)
-    climb = Climb(problem, known.deviation > 0.0)
-    slope = climb.derivatives(known.estimate, here, known.deviation)[0]
+    slope = Climb(problem, known.deviation > 0.0).derivatives(known.estimate, here, known.deviation)[0]
     width = known.deviation / column(problem.parameters, "prior_width")
     doubt = slope @ np.linalg.cholesky(known.correlation * np.outer(width, width) + 1e-12 * np.eye(len(width)))
-    gains, first = [], 0
-    for response in planned:
-        rows = slice(first, first + 2 * len(response.frequency))
-        apart, own = here.coordinates[rows], doubt[rows]
-        seen = own.T @ apart
-        gains.append(0.5 * (apart @ apart - seen @ np.linalg.solve(np.eye(len(seen)) + own.T @ own, seen)))
-        first = rows.stop
-    # Where one of both has no answer, nothing can be said of what it would tell.
-    return np.nan_to_num(np.array(gains))
+    ends = np.cumsum([2 * len(response.frequency) for response in values])[:-1]
+    return list(zip(np.split(here.coordinates, ends), np.split(doubt, ends), strict=True))
+
+
+def divergence(one: tuple[Array, Array], other: tuple[Array, Array]) -> float:
+    """Return the mean of both Kullback-Leibler divergences of what two hypotheses expect of a response [nats].
+
+    Either expects a normal distribution of covariance S = 1 + D D^T, its doubt D and the measurement's errors:
+    1/4 (tr(S_1^-1 S_2) + tr(S_2^-1 S_1) - 2 n + r_1^T S_1^-1 r_1 + r_2^T S_2^-1 r_2).
+
+    one, other: distance r (coordinate,) and doubt D (coordinate, parameter), in deviations of the measurement.
+
+    See docs/physics.md#diagnosis.
+    """
+    return 0.25 * sum(_seen_by(*own) + _spread_by(own[1], others[1]) for own, others in ((one, other), (other, one)))
+
+
+def _seen_by(apart: Array, doubt: Array) -> float:
+    """Return r^T S^-1 r: what a hypothesis does not know of itself may make up for a distance."""
+    seen = doubt.T @ apart
+    return float(apart @ apart - seen @ np.linalg.solve(np.eye(len(seen)) + doubt.T @ doubt, seen))
+
+
+def _spread_by(doubt: Array, others: Array) -> float:
+    """Return tr(S^-1 S') - n: how much farther the other's doubt spreads than one's own."""
+    own, both = doubt.T @ doubt, doubt.T @ others
+    inner = np.linalg.inv(np.eye(len(own)) + own)
+    return float((others**2).sum() - np.trace(inner @ own) - np.trace(inner @ both @ both.T))

@@ -10,7 +10,7 @@ from chatter_core.evidence import CampaignModel, Comparison, base_model, calibra
 from chatter_core.evidence.candidates import Candidate, Hypothesis, carried, extended
 from chatter_core.evidence.fit import fit
 from chatter_core.evidence.measured import OUTCOMES
-from chatter_core.evidence.next_measurement import AT_REST, TURNING, next_receptances, other_cuts
+from chatter_core.evidence.next_measurement import AT_REST, TURNING, divergence, next_receptances, other_cuts
 from chatter_core.evidence.next_trial import next_trial
 from tests.synthetic import RPM, campaign, tip_machine, trials
 
@@ -44,9 +44,16 @@ def at(base, name, **sizes):
     return Hypothesis(candidates=(candidate,), comparison=comparison, fit=found)
 
 
+def sure(hypothesis, share=1e-6):
+    """A hypothesis that doubts its parameters by a share of what it did."""
+    fit = hypothesis.fit
+    return replace(hypothesis, fit=replace(fit, standard_deviation=share * fit.standard_deviation))
+
+
 def test_ploughing_shows_in_slow_cuts_and_in_no_receptance(base):
     ploughing = at(base, "process_damping", coefficient_n_m=3e5)
-    receptances = next_receptances(base, ploughing)
+    # Both know their parameters alike, not at all worse: only what they say can differ.
+    receptances = next_receptances(sure(base, 1e-9), ploughing)
     assert [one.expected_gain for one in receptances] == pytest.approx([0.0] * 9, abs=1e-12)
     cut = next_trial(base, ploughing)
     assert cut.expected_gain > 1.0
@@ -66,11 +73,25 @@ def test_asymmetry_shows_in_receptances_along_the_axes_and_best_at_rest_for_its_
     assert max(along, key=lambda one: one.worth).spindle_speed == 0.0
 
 
-def test_doubts_of_a_hypothesis_make_a_measurement_tell_less(base):
-    stiffer = at(base, "directional_asymmetry", stiffness_ratio=0.2)
-    doubtful = next_receptances(base, stiffer)[1].expected_gain
-    sure = replace(base, fit=replace(base.fit, standard_deviation=1e-6 * base.fit.standard_deviation))
-    assert doubtful < 0.9 * next_receptances(sure, stiffer)[1].expected_gain
+def test_a_doubt_that_both_share_makes_a_measurement_tell_less():
+    along = np.array([2.0, 0.0, 0.0])
+    doubt = 1.5 * along[:, None]
+    # 1/2 r^T S^-1 r, S being 1 + 9 along what parts them.
+    assert divergence((along, doubt), (-along, doubt)) == pytest.approx(0.5 * 4.0 / (1.0 + 9.0))
+    assert divergence((along, 0.0 * doubt), (-along, 0.0 * doubt)) == pytest.approx(0.5 * 4.0)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def testdivergence_is_that_of_two_normal_distributions(seed):
+    """Against the covariances themselves, inverted as they stand."""
+    rng = np.random.default_rng(seed)
+    one, other = ((rng.standard_normal(7), rng.standard_normal((7, 3))) for _ in range(2))
+    covariances = [np.eye(7) + doubt @ doubt.T for _, doubt in (one, other)]
+    expected = 0.0
+    for (apart, _), own, others in zip((one, other), covariances, covariances[::-1], strict=True):
+        inverse = np.linalg.inv(own)
+        expected += 0.25 * (np.trace(inverse @ others) - 7.0 + apart @ inverse @ apart)
+    assert divergence(one, other) == pytest.approx(expected, rel=1e-12)
 
 
 def test_other_cuts_stay_within_what_a_cut_can_be():
