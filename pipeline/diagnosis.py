@@ -129,6 +129,7 @@ def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
                     settings=settings_of(effect),
                     term=effect,
                     shapes=tuple(f"{name}.{shape}" for shape in effect.shapes),
+                    heard=f"{name}.{effect.heard}" if effect.heard else None,
                     place=effect.place(),
                 )
             )

@@ -29,14 +29,16 @@ class Effect(ABC):
     """An effect: a frozen class of its settings, with a law that transforms one arrow of the chain.
 
     stage: the field of ``Stages`` that it transforms; declared: its parameters, in the units of their names;
-    shapes: names of those that say how the effect looks and not how strong it is; settings: its choices, each
-    an attribute of the class; needs: what of a machine it acts on; changes: what a strong value changes, of
-    ``bearing``, ``modes`` (at the tip), ``cut`` (the multipliers). What is not named stays bit for bit.
+    shapes: names of those that say how the effect looks and not how strong it is; heard: the one of them that is a
+    frequency [Hz] at which the effect makes cuts chatter, if any; settings: its choices, each an attribute of the
+    class; needs: what of a machine it acts on; changes: what a strong value changes, of ``bearing``, ``modes`` (at the
+    tip), ``cut`` (the multipliers). What is not named stays bit for bit.
     """
 
     stage: ClassVar[str]
     declared: ClassVar[tuple[Parameter, ...]]
     shapes: ClassVar[tuple[str, ...]] = ()
+    heard: ClassVar[str | None] = None
     settings: ClassVar[tuple[Setting, ...]] = ()
     needs: ClassVar[tuple[str, ...]] = ()
     changes: ClassVar[tuple[str, ...]]

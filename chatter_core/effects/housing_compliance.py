@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
+
 from chatter_core.bearing import BearingState
 from chatter_core.effects._base import Effect
 from chatter_core.machine import Machine, Spindle
@@ -11,9 +13,9 @@ from chatter_core.parameters import Array, Parameter
 
 @dataclass(frozen=True, kw_only=True)
 class HousingCompliance(Effect):
-    """1/k = 1/k_bearings + c: every seat is a spring in series with its bearings, the same at all seats and speeds.
+    """1/k = 1/k_bearings + c exp(d s): every seat is a spring in series with its bearings, the same at all speeds.
 
-    The housing's mass is left out: valid below its own first frequency on these springs.
+    s is the place of a seat, 0 at the front one and 1 at the rearmost: walls differ along a housing. The housing's mass is left out: valid below its own first frequency on these springs.
 
     Source: Y. Altintas, Manufacturing Automation, 2nd ed. (2012), chapter 3 (springs in series); Y. Cao,
     Y. Altintas, J. Mech. Design 126 (2004) 1089-1104 (spindle housings that give).
@@ -23,20 +25,32 @@ class HousingCompliance(Effect):
 
     stage: ClassVar[str] = "seat_stiffness"
     needs: ClassVar[tuple[str, ...]] = ("spindle", "bearing")
+    shapes: ClassVar[tuple[str, ...]] = ("rear_difference",)
     changes: ClassVar[tuple[str, ...]] = ("modes", "cut")
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
-            name="compliance_um_n", unit="um/N", doc="radial compliance of the housing at every seat",
+            name="compliance_um_n", unit="um/N", doc="radial compliance of the housing at the front seat",
             prior_width=0.01, lower=0.0, upper=1.0,
+        ),
+        Parameter(
+            name="rear_difference", unit="ln", doc="ln of the compliance at the rearmost seat over that at the front one",
+            prior_width=1.0, lower=-3.0, upper=3.0,
         ),
     )  # fmt: skip
 
     def transform(self, before: Any, machine: Machine, values: tuple[float, ...]) -> Any:
         """Return the seats' stiffness, softened."""
-        (compliance,) = values
+        front, difference = values
 
         def seat_stiffness(spindle: Spindle, state: BearingState) -> Array:
             stiffness: Array = before(spindle, state)
+            compliance = front * np.exp(difference * _places(spindle))
             return stiffness / (1.0 + compliance * stiffness)
 
         return seat_stiffness
+
+
+def _places(spindle: Spindle) -> Array:
+    """Return the places of the seats (seat,) from the front one, 0, to the rearmost, 1."""
+    position = np.array([seat.position for seat in spindle.bearings])
+    return np.asarray((position - position.min()) / (np.ptp(position) or 1.0))

@@ -29,6 +29,7 @@ class WorkpieceMode(Effect):
 
     stage: ClassVar[str] = "cut_modes"
     shapes: ClassVar[tuple[str, ...]] = ("natural_frequency_hz", "damping_ratio")
+    heard: ClassVar[str | None] = "natural_frequency_hz"
     changes: ClassVar[tuple[str, ...]] = ("cut",)
     settings: ClassVar[tuple[Setting, ...]] = (Setting(name="axis", doc="direction it gives in", choices=AXES),)
     declared: ClassVar[tuple[Parameter, ...]] = (

@@ -19,6 +19,10 @@ from chatter_core.stages import Term
 AMPLITUDES = (1.0, 0.3, 2.0, 3.0)
 #: Shapes at which it is, in widths of theirs.
 SHAPES = (-1.2, -0.6, 0.0, 0.6, 1.2)
+#: An effect that is heard is looked at where chatter was and the model is off by so many deviations; frequencies nearer
+#: to each other than this share are one, and so many of those that were heard most often count. The natural frequency
+#: lies beside, by some such share.
+MISSED_BY, SAME_FREQUENCY, MOST_FREQUENCIES, BESIDE = 3.0, 0.05, 3, 0.02
 #: An effect of which a step from its null promises less stays there [nats].
 SMALLEST_PROMISE = 0.3
 #: Of all starts so many of the best are climbed from.
@@ -36,7 +40,8 @@ class Candidate:
     """An effect in one variant.
 
     name: of the effect; settings: what was chosen of it; term: with its parameters; shapes: names of those that say
-    how it looks and not how strong it is; place: what terms are sorted by.
+    how it looks and not how strong it is; heard: the one of them that is a frequency at which it makes cuts chatter
+    [Hz]; place: what terms are sorted by.
     """
 
     name: str
@@ -44,6 +49,7 @@ class Candidate:
     term: Term
     shapes: tuple[str, ...]
     place: tuple[int, str]
+    heard: str | None = None
 
     @property
     def amplitudes(self) -> tuple[Parameter, ...]:
@@ -139,7 +145,7 @@ def look(base: Comparison, candidates: Sequence[Candidate], nested: Hypothesis, 
     at_null = climb.stay(own, known, added)
     starts = [
         (climb.promise_of(at_null), own),
-        *_promises(_Worth(climb, at_null, known, added), comparison, own, new),
+        *_promises(_Worth(climb, at_null, known, added), comparison, own, new, at_null.evaluation),
     ]
     return Prospect(candidates=tuple(candidates), climb=climb, known=known, added=added, at_null=at_null, starts=starts)
 
@@ -169,18 +175,51 @@ def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Hy
     return pursue(look(base, candidates, nested, slope))
 
 
-def _promises(worth: "_Worth", comparison: Comparison, own: Array, new: Candidate) -> list[tuple[float, Array]]:
+def _promises(
+    worth: "_Worth", comparison: Comparison, own: Array, new: Candidate, at_null: Evaluation
+) -> list[tuple[float, Array]]:
     """Return starts of an effect, and what each promises over its null [nats].
 
     Each shape is looked at with the first strength, the best of them with the others too.
     """
-    found = [(worth.of(start), start) for start in _starts(comparison, own, new, AMPLITUDES[:1], SHAPES)]
+    shapes = _shapes(new, comparison, at_null)
+    found = [(worth.of(start), start) for start in _starts(comparison, own, new, AMPLITUDES[:1], shapes)]
     best = sorted(found, key=lambda one: -one[0])[:CLIMBED]
     others = [start for _, shaped in best for start in _starts(comparison, shaped, new, AMPLITUDES[1:], ())]
     for start in others:
         if not any(np.array_equal(start, known_start) for _, known_start in found):
             found.append((worth.of(start), start))
     return found
+
+
+def _shapes(new: Candidate, comparison: Comparison, at_null: Evaluation) -> list[float]:
+    """Return values of the shape that displaces, a frequency or an exponent; none where an effect has no shape."""
+    displacing = _displacing(new)
+    if displacing is None:
+        return []
+    shapes = [displacing.prior_mean + share * displacing.prior_width for share in SHAPES]
+    if new.heard != displacing.name:
+        return shapes
+    missed = _missed_frequencies(comparison, at_null) / (2.0 * np.pi)
+    return [*shapes, *missed, *(1.0 - BESIDE) * missed, *(1.0 + BESIDE) * missed]
+
+
+def _missed_frequencies(comparison: Comparison, evaluation: Evaluation) -> Array:
+    """Return the frequencies (frequency,) [rad/s] at which chatter was heard most often that a model does not know."""
+    assert isinstance(evaluation.state, Compared)
+    trials = comparison.model.campaign.trials
+    said = evaluation.state.contributions.get("chatter_frequency")
+    if trials is None or said is None:
+        return np.empty(0)
+    heard = trials.chatter_frequency[np.isfinite(trials.chatter_frequency)]
+    missed = np.sort(heard[np.abs(said.coordinates[:, 0]) > MISSED_BY])
+    places = np.split(missed, np.flatnonzero(np.diff(np.log(missed)) > SAME_FREQUENCY) + 1) if len(missed) else []
+    return np.array([np.median(place) for place in sorted(places, key=len, reverse=True)[:MOST_FREQUENCIES]])
+
+
+def _displacing(new: Candidate) -> Parameter | None:
+    """Return the first shape of an effect, the one that displaces it; None where it has none."""
+    return next((p for p in new.term.parameters if p.name in new.shapes), None)
 
 
 def _chosen(comparison: Comparison, new: Candidate, promised: Sequence[tuple[float, Array]]) -> list[Array]:
@@ -263,21 +302,19 @@ def carried(comparison: Comparison, fit: Fit) -> Array:
 def _starts(
     comparison: Comparison, own: Array, new: Candidate, amplitudes: Sequence[float], shapes: Sequence[float]
 ) -> list[Array]:
-    """Return starts (parameter,) at strengths and shapes of a candidate, in widths of their priors.
+    """Return starts (parameter,) at strengths of a candidate, in widths of their priors, and values of its shape.
 
-    To both sides where its strength can go there; without shapes, or where it has none, ``own`` has them.
+    To both sides where its strength can go there; without shapes ``own`` has them.
     """
     place = {parameter.name: index for index, parameter in enumerate(comparison.parameters)}
     strengths = [sign * size for size in amplitudes for sign in (1.0, -1.0)]
-    # Of several shapes the first is the one that displaces: a frequency, an exponent.
-    displacing = [p for p in new.term.parameters if p.name in new.shapes][:1] if shapes else []
-    starts: list[Array] = []
-    for strength, shape in itertools.product(strengths, shapes if displacing else (0.0,)):
+    displacing, starts = _displacing(new), list[Array]()
+    for strength, shape in itertools.product(strengths, shapes or (None,)):
         start = own.copy()
         for parameter in new.amplitudes:
             start[place[parameter.name]] = _within(parameter, parameter.null + strength * parameter.prior_width)
-        for parameter in displacing:
-            start[place[parameter.name]] = _within(parameter, parameter.prior_mean + shape * parameter.prior_width)
+        if displacing is not None and shape is not None:
+            start[place[displacing.name]] = _within(displacing, shape)
         # An amplitude that cannot go to one side stays at its null there, and so does the model.
         moved = any(start[place[p.name]] != p.null for p in new.amplitudes)
         if moved and not any(np.array_equal(start, other) for other in starts):

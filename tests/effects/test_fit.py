@@ -41,7 +41,7 @@ def test_what_a_parameter_touches_is_computed_anew(name: str):
     ("name", "values"),
     [
         ("thermal_preload", [1.0, 1.5]),
-        ("housing_compliance", [0.01]),
+        ("housing_compliance", [0.01, 0.0]),
         ("process_damping", [2e5]),
         ("cutting_speed_coefficient", [0.3]),
     ],

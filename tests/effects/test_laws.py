@@ -64,12 +64,14 @@ def test_a_grown_ring_is_a_bearing_with_less_clearance(reference_machine: Machin
         assert found.inner_contact_angle[index] == pytest.approx(alone.inner_contact_angle[0], rel=5e-4)
 
 
-def test_a_housing_that_gives_is_a_spring_in_series(reference_machine: Machine):
+@pytest.mark.parametrize("difference", [0.0, -0.7])
+def test_a_housing_that_gives_is_a_spring_in_series(reference_machine: Machine, difference: float):
     """A seat with n bearings of k each behind a housing c: the tip's receptance with the series spring assembled."""
-    stages = model(reference_machine, "housing_compliance", compliance_um_n=0.01)
+    stages = model(reference_machine, "housing_compliance", compliance_um_n=0.01, rear_difference=difference)
     built = structure(stages, SPEEDS[1:2], mode_count=20)
     single = built.bearing.radial_stiffness[0]
-    seats = np.array([1.0 / (1.0 / (n * single) + 0.01e-6) for n in (1, 2)])
+    housing = 0.01e-6 * np.exp([0.0, difference])
+    seats = 1.0 / (1.0 / (np.array([1, 2]) * single) + housing)
     spindle, frequency = reference_machine.spindle, np.array([200.0, 600.0, 1500.0, 2400.0]) * 2.0 * math.pi
     expected = direct_receptance(assemble(spindle), spindle.damping, seats, frequency)[:, 0, 0]
     # Twenty modes of several hundred: what is left out is 1e-3 of the static deflection of the tip.
