@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_core.chain import Structure, milling_equation
-from chatter_core.floquet import FloquetSolution, MethodSettings, analyse, critical_multiplier
+from chatter_core.floquet import FloquetSolution, MethodSettings, analyse, critical_multiplier, leading_multipliers
 from chatter_core.floquet.harmonics import square
 from chatter_core.machine import Machine
 from chatter_core.stages import Stages, stages_of
@@ -109,6 +109,34 @@ def critical_multipliers(
         growth = per_tooth(critical.value, stages.passages.repeat)
         result[points] = np.where(critical.converged, growth, np.nan)
     return result
+
+
+def branches(
+    stages: Stages,
+    built: Structure,
+    speed_index: NDArray[np.intp],
+    axial_depth: Array,
+    method: MethodSettings,
+    count: int,
+) -> tuple[Array, Array]:
+    """Return ln|mu| and frequency [rad/s] of the motions of so many multipliers, (point, count) each.
+
+    The largest comes first; both are NaN where there are fewer. A motion has lines at its frequency plus and minus
+    every multiple of 2 pi over the period: the frequency is the one below half of that.
+
+    See docs/physics.md#critical-multiplier.
+    """
+    growth, frequency = np.full((2, len(axial_depth), count), np.nan)
+    candidates, resolved = _candidates(
+        stages, built, speed_index, np.ones(len(axial_depth)), np.zeros(len(axial_depth), dtype=np.uint8)
+    )
+    for points in _batches(candidates, resolved + len(stages.passages), method):
+        equation = milling_equation(stages, built, speed_index[points], axial_depth[points])
+        found = leading_multipliers(equation, method, count)
+        with np.errstate(divide="ignore"):
+            growth[points] = np.log(np.abs(found)) / stages.passages.repeat
+        frequency[points] = np.abs(np.angle(found)) / equation.period[:, None]
+    return growth, frequency
 
 
 def per_tooth(multiplier: ComplexArray, tooth_periods: int) -> ComplexArray:

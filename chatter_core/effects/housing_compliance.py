@@ -15,7 +15,8 @@ from chatter_core.parameters import Array, Parameter
 class HousingCompliance(Effect):
     """1/k = 1/k_bearings + c exp(d s): every seat is a spring in series with its bearings, the same at all speeds.
 
-    s is the place of a seat, 0 at the front one and 1 at the rearmost: walls differ along a housing. The housing's mass is left out: valid below its own first frequency on these springs.
+    s is the place of a seat, 0 at the front one and 1 at the rearmost: walls differ along a housing. The housing's
+    mass is left out: valid below its own first frequency on these springs.
 
     Source: Y. Altintas, Manufacturing Automation, 2nd ed. (2012), chapter 3 (springs in series); Y. Cao,
     Y. Altintas, J. Mech. Design 126 (2004) 1089-1104 (spindle housings that give).
@@ -33,7 +34,7 @@ class HousingCompliance(Effect):
             prior_width=0.01, lower=0.0, upper=1.0,
         ),
         Parameter(
-            name="rear_difference", unit="ln", doc="ln of the compliance at the rearmost seat over that at the front one",
+            name="rear_difference", unit="ln", doc="ln of the compliance at the rearmost seat over the front one's",
             prior_width=1.0, lower=-3.0, upper=3.0,
         ),
     )  # fmt: skip

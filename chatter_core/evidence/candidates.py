@@ -171,7 +171,10 @@ def pursue(prospect: Prospect) -> Hypothesis:
 
 
 def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Hypothesis, slope: Array) -> Hypothesis:
-    """Fit a model with effects, starting from one that is nested in it: ``look`` and ``pursue``."""
+    """Fit a model with effects, starting from one that is nested in it: ``look`` and ``pursue``.
+
+    See docs/physics.md#diagnosis.
+    """
     return pursue(look(base, candidates, nested, slope))
 
 

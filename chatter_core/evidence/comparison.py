@@ -124,9 +124,9 @@ class Comparison:
         heard = np.isfinite(trials.chatter_frequency)
         if heard.any():
             measured = trials.chatter_frequency[heard]
-            tooth_passing = self.model.campaign.machine.tool.teeth * trials.spindle_speed[heard]
-            residual = likelihood.frequency_residual(measured, prediction.chatter_frequency[heard], tooth_passing)
-            found["chatter_frequency"] = likelihood.chatter_frequency(measured, residual, tooth_passing)
+            frequency, spacing, share = prediction.motions(heard)
+            residual = likelihood.frequency_residual(measured[:, None], frequency, spacing)
+            found["chatter_frequency"] = likelihood.chatter_frequency(measured, residual, share, spacing[:, 0])
         return found
 
     def _of_receptances(self, prediction: Prediction) -> dict[str, Contribution]:

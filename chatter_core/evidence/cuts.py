@@ -1,7 +1,7 @@
 """The cuts of a campaign, trials and limit depths alike, sorted by what has to be computed anew for them."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,12 @@ from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.stages import Indices, Stages
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import Machine
-from chatter_core.stability import critical_multipliers, evaluate
+from chatter_core.stability import branches, critical_multipliers, evaluate
 
 #: Spectral radii below this are as good as none.
 SMALLEST_RADIUS = 1e-30
+#: Motions beside the critical one that may be heard where they grow too.
+OTHERS = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,13 +62,20 @@ class CutPrediction:
     """Prediction of cuts, all (cut,).
 
     margin: distance from the boundary in ln(depth), positive where unstable, NaN where the model has no answer;
-    crossing: where that boundary lies, from the cut, NaN where none is in reach; chatter_frequency [rad/s], NaN
-    where none was asked for; solved: whether the bearings have an equilibrium.
+    crossing: where that boundary lies, from the cut, NaN where none is in reach; chatter_frequency [rad/s], of the
+    critical motion, NaN where none was asked for; other_frequency (cut, other): of others that grow too, NaN where
+    there are none; share (cut, 1 + other): of each in the growth of all, the critical one first; tooth_passing
+    frequency and line_spacing of a motion [rad/s], the same where teeth are alike; solved: whether the bearings have
+    an equilibrium.
     """
 
     margin: Array
     crossing: Array
     chatter_frequency: Array
+    other_frequency: Array
+    share: Array
+    tooth_passing: Array
+    line_spacing: Array
     solved: NDArray[np.bool_]
 
 
@@ -112,14 +121,62 @@ def predict_cuts(
     else:
         known = near.margin[setup.points], near.crossing[setup.points]
         margin, crossing = followed_margins(growth, setup.speed_index, np.log(depth), *known)
-    frequency = np.full(len(depth), np.nan)
+    found = CutPrediction(
+        margin=margin, crossing=crossing, **_silent(len(depth)), solved=built.solved[setup.speed_index]
+    )
     heard = np.flatnonzero(cuts.heard[setup.points])
     if len(heard):
         at = depth[heard] * np.exp(where_it_chatters(margin, crossing)[heard])
-        found = evaluate(stages, built, setup.speed_index[heard], at, method, np.ones(len(heard)))
-        frequency[heard] = found.chatter_frequency
+        _hear(found, heard, stages, built, setup.speed_index[heard], at, method)
+    return found
+
+
+def _hear(
+    found: CutPrediction,
+    heard: Indices,
+    stages: Stages,
+    built: Structure,
+    speed_index: Indices,
+    depth: Array,
+    method: MethodSettings,
+) -> None:
+    """Fill in what is heard in some of the cuts (heard,), at these depths."""
+    critical = evaluate(stages, built, speed_index, depth, method, np.ones(len(heard)))
+    found.chatter_frequency[heard] = critical.chatter_frequency
+    growth, frequency = branches(stages, built, speed_index, depth, method, 1 + OTHERS)
+    grows = np.nan_to_num(growth, nan=0.0, neginf=0.0).clip(min=0.0)
+    # Where nothing grows, at a crossing, it is the critical motion that would.
+    grows[~grows.any(axis=1), 0] = 1.0
+    found.share[heard] = grows / grows.sum(axis=1, keepdims=True)
+    found.other_frequency[heard] = np.where(grows > 0.0, frequency, np.nan)[:, 1:]
+    found.tooth_passing[heard] = stages.machine.tool.teeth * built.spindle_speed[speed_index]
+    found.line_spacing[heard] = found.tooth_passing[heard] / stages.passages.repeat
+
+
+def _silent(count: int) -> dict[str, Array]:
+    """Return what is known of the motion of so many cuts of which nothing was asked."""
+    share = np.zeros((count, 1 + OTHERS))
+    share[:, 0] = 1.0
+    return {
+        "chatter_frequency": np.full(count, np.nan),
+        "other_frequency": np.full((count, OTHERS), np.nan),
+        "share": share,
+        "tooth_passing": np.full(count, np.nan),
+        "line_spacing": np.full(count, np.nan),
+    }
+
+
+def together(parts: Sequence[CutPrediction], places: Sequence[Indices]) -> CutPrediction:
+    """Return the predictions of parts of the cuts as one, each at its places among all; all are told.
+
+    See docs/physics.md#margin.
+    """
+    order = np.argsort(np.concatenate(places))
     return CutPrediction(
-        margin=margin, crossing=crossing, chatter_frequency=frequency, solved=built.solved[setup.speed_index]
+        **{
+            field.name: np.concatenate([getattr(part, field.name) for part in parts])[order]
+            for field in fields(CutPrediction)
+        }
     )
 
 

@@ -148,12 +148,13 @@ def _labels(trials: Trials, compared: Compared) -> Iterator[_Data]:
 def _frequencies(campaign: Campaign, trials: Trials, compared: Compared) -> Iterator[_Data]:
     """Yield the chatter frequencies that are farther off than one in twenty is."""
     which = np.flatnonzero(np.isfinite(trials.chatter_frequency))
-    measured, tooth_passing = trials.chatter_frequency[which], campaign.machine.tool.teeth * trials.spindle_speed[which]
     if not len(which) or not len(compared.prediction.chatter_frequency):
         return
-    predicted = compared.prediction.chatter_frequency[which]
-    apart = np.abs(likelihood.frequency_residual(measured, predicted, tooth_passing))
-    scale = np.hypot(likelihood.FREQUENCY_SHARE * measured, likelihood.FREQUENCY_FLOOR)
+    measured = trials.chatter_frequency[which]
+    frequency, spacing, share = compared.prediction.motions(np.isfinite(trials.chatter_frequency))
+    residual = likelihood.frequency_residual(measured[:, None], frequency, spacing)
+    apart = np.abs(likelihood.heard_motion(measured, residual, share)[0])
+    scale, tooth_passing = likelihood.frequency_scale(measured), spacing[:, 0]
     far = stats.t.ppf(1.0 - 0.5 * IMPROBABLE, likelihood.FREQUENCY_FREEDOM) * scale
     elsewhere = likelihood.FREQUENCY_ELSEWHERE * np.clip(1.0 - 2.0 * far / tooth_passing, 0.0, 1.0)
     yield _Data(

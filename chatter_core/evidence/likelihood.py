@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit, gammaln
+from scipy.special import expit, gammaln, logsumexp
 
 from chatter_core.evidence.measured import OUTCOMES
 
@@ -85,37 +85,59 @@ def outcome(outcome: NDArray[np.int8], probability: Array) -> Contribution:
     return Contribution(log_density=np.log(seen), coordinates=2.0 * np.sqrt(probability), score=score)
 
 
-def frequency_residual(measured: Array, predicted: Array, tooth_passing: Array) -> Array:
-    """Return measured minus predicted chatter frequency, to the nearest line of its motion, all (trial,) [rad/s].
+def frequency_residual(measured: Array, predicted: Array, spacing: Array) -> Array:
+    """Return measured minus predicted chatter frequency, to the nearest line of its motion, of one shape [rad/s].
 
     A motion with multiplier angle w T has lines at |w + j Omega| for every whole j, at both signs of w, and a
     measurement may show any of them as the strongest. An unknown prediction is off by half the line spacing.
 
     See docs/physics.md#likelihoods.
     """
-    distance = [
-        (measured - sign * predicted + 0.5 * tooth_passing) % tooth_passing - 0.5 * tooth_passing for sign in (1, -1)
-    ]
+    distance = [(measured - sign * predicted + 0.5 * spacing) % spacing - 0.5 * spacing for sign in (1, -1)]
     nearest = np.where(np.abs(distance[0]) <= np.abs(distance[1]), *distance)
-    return np.asarray(np.where(np.isnan(predicted), 0.5 * tooth_passing, nearest))
+    return np.asarray(np.where(np.isnan(predicted), 0.5 * spacing, nearest))
 
 
-def chatter_frequency(measured: Array, residual: Array, tooth_passing: Array) -> Contribution:
-    """Return what chatter frequencies say, all (trial,) [rad/s]: Student-t, for saturated chatter departs from theory.
+def heard_motion(measured: Array, residual: Array, share: Array) -> tuple[Array, Array]:
+    """Return residual (trial,) and log density (trial,) of the motion that was heard, most probably.
 
-    One in ten lies anywhere between two lines: where two multipliers are unstable, the motion may be that of
-    the other, and a single label of a branch must not outweigh all other data.
+    measured: (trial,) [rad/s]; residual, share: (trial, motion), of each motion that grows, and how much of all growth
+    is its own: any of them may be the loudest. The density is that of all together.
 
     See docs/physics.md#likelihoods.
     """
-    freedom, elsewhere = FREQUENCY_FREEDOM, FREQUENCY_ELSEWHERE
-    scale = np.hypot(FREQUENCY_SHARE * measured, FREQUENCY_FLOOR)
+    scale, freedom = frequency_scale(measured)[:, None], FREQUENCY_FREEDOM
     normaliser = gammaln(0.5 * (freedom + 1.0)) - gammaln(0.5 * freedom) - 0.5 * np.log(freedom * np.pi)
-    nearby = normaliser - np.log(scale) - 0.5 * (freedom + 1.0) * np.log1p((residual / scale) ** 2 / freedom)
+    student = normaliser - np.log(scale) - 0.5 * (freedom + 1.0) * np.log1p((residual / scale) ** 2 / freedom)
+    with np.errstate(divide="ignore"):
+        each = np.log(share) + student
+    most = each.argmax(axis=1)[:, None]
+    return np.take_along_axis(residual, most, axis=1)[:, 0], logsumexp(each, axis=1)
+
+
+def frequency_scale(measured: Array) -> Array:
+    """Return the scale of measured chatter frequencies, of their shape [rad/s].
+
+    See docs/physics.md#likelihoods.
+    """
+    return np.asarray(np.hypot(FREQUENCY_SHARE * measured, FREQUENCY_FLOOR))
+
+
+def chatter_frequency(measured: Array, residual: Array, share: Array, tooth_passing: Array) -> Contribution:
+    """Return what chatter frequencies say: Student-t, for saturated chatter departs from theory.
+
+    measured, tooth_passing: (trial,) [rad/s]; residual, share: as for ``heard_motion``. One in ten lies anywhere
+    between two lines, and a single label of a branch must not outweigh all other data.
+
+    See docs/physics.md#likelihoods.
+    """
+    freedom, elsewhere, scale = FREQUENCY_FREEDOM, FREQUENCY_ELSEWHERE, frequency_scale(measured)
+    heard, nearby = heard_motion(measured, residual, share)
     density = np.logaddexp(np.log1p(-elsewhere) + nearby, np.log(elsewhere / tooth_passing))
     # Expected information of a location: (freedom + 1) / (freedom + 3) over the scale squared, for those that tell it.
     unit = np.sqrt((1.0 - elsewhere) * (freedom + 1.0) / (freedom + 3.0))
-    standard = residual / scale
+    standard = heard / scale
+    # Near the motion that was heard the others hardly add to the density.
     score = -np.exp(np.log1p(-elsewhere) + nearby - density) * (freedom + 1.0) * standard / (freedom + standard**2)
     return Contribution(log_density=density, coordinates=unit * standard[:, None], score=score[:, None] / unit)
 

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from chatter_core.chain import Structure, structure
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence.campaign import Campaign
-from chatter_core.evidence.cuts import CutPrediction, Cuts, cuts_of, predict_cuts
+from chatter_core.evidence.cuts import CutPrediction, Cuts, cuts_of, predict_cuts, together
 from chatter_core.evidence.nuisances import SENSOR, machine_nuisances, measurement_parameters
 from chatter_core.evidence.parameters import Array, Parameter, column
 from chatter_core.evidence.stages import ComplexArray, Stages, Term, apply_terms
@@ -68,6 +69,18 @@ class Prediction:
     def chatter_frequency(self) -> Array:
         """Chatter frequency (trial,) [rad/s], NaN where none was measured."""
         return self.cuts.chatter_frequency[: self.trials] if self.cuts is not None else np.empty(0)
+
+    def motions(self, heard: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+        """Return frequency and spacing of its lines [rad/s] of every motion that may be heard in some of the trials.
+
+        With them its share, (heard, motion) each: the critical one first, of which the strongest line is known.
+        """
+        assert self.cuts is not None
+        which = np.flatnonzero(heard)
+        frequency = np.column_stack([self.cuts.chatter_frequency[which], self.cuts.other_frequency[which]])
+        spacing = np.repeat(self.cuts.line_spacing[which, None], frequency.shape[1], axis=1)
+        spacing[:, 0] = self.cuts.tooth_passing[which]
+        return frequency, spacing, self.cuts.share[which]
 
     @property
     def limit_margin(self) -> Array:
@@ -198,16 +211,13 @@ class CampaignModel:
         if near is not None:
             apart = np.abs(values - near.values) / column(self.parameters, "prior_width")
             known = near.cuts if apart.max() <= NEARBY else None
-        count = len(self.cuts)
-        margin, crossing, frequency = np.full((3, count), np.nan)
-        solved = np.zeros(count, dtype=bool)
+        parts, places = [], []
         for group, built in zip(self.cuts.groups, structures, strict=True):
             for setup in group.setups:
                 stages = self.stages(values, setup.machine)
-                found = predict_cuts(stages, self.cuts, setup, built, self.method, known)
-                margin[setup.points], crossing[setup.points] = found.margin, found.crossing
-                frequency[setup.points], solved[setup.points] = found.chatter_frequency, found.solved
-        return CutPrediction(margin=margin, crossing=crossing, chatter_frequency=frequency, solved=solved)
+                parts.append(predict_cuts(stages, self.cuts, setup, built, self.method, known))
+                places.append(setup.points)
+        return together(parts, places)
 
     def available(self, most: int) -> int:
         """Return how many modes of an axis are asked for: ``most``, or all that were measured."""

@@ -1,6 +1,12 @@
 """Floquet analysis of linear periodic systems with delayed feedback; knows nothing of milling."""
 
-from chatter_core.floquet.analysis import FloquetSolution, analyse, critical_motion, critical_multiplier
+from chatter_core.floquet.analysis import (
+    FloquetSolution,
+    analyse,
+    critical_motion,
+    critical_multiplier,
+    leading_multipliers,
+)
 from chatter_core.floquet.equation import DelayedFeedback, DelayEquation, Gain, LinearSystem, Spectrum
 from chatter_core.floquet.method import MethodSettings
 
@@ -15,4 +21,5 @@ __all__ = [
     "analyse",
     "critical_motion",
     "critical_multiplier",
+    "leading_multipliers",
 ]

@@ -13,6 +13,8 @@ from chatter_core.floquet.multipliers import CriticalMotion, CriticalMultiplier,
 
 #: The residual of a multiplier is this share of the tolerance, for its condition, and never larger than that.
 RESIDUAL_SHARE, LARGEST_RESIDUAL = 1e-3, 1e-7
+#: Multipliers beside the critical one are asked for by their kind and frequency, not for digits.
+LEADING_RESIDUAL = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +72,15 @@ def critical_multiplier(
     See docs/physics.md#critical-multiplier.
     """
     return multipliers.critical_multiplier(*_operator(equation, method, refinement))
+
+
+def leading_multipliers(equation: DelayEquation, method: MethodSettings, count: int) -> ComplexArray:
+    """Find so many multipliers of largest modulus of every point (point, count), NaN where they did not settle.
+
+    See docs/physics.md#critical-multiplier.
+    """
+    operator, _ = _operator(equation, method, 1.0)
+    return multipliers.leading_multipliers(operator, count, LEADING_RESIDUAL)
 
 
 def _operator(equation: DelayEquation, method: MethodSettings, refinement: Array | float) -> tuple[Monodromy, float]:

@@ -120,7 +120,7 @@ def _critical_multiplier(monodromy: Monodromy, residual_tolerance: float) -> Cri
     value = np.zeros(points, dtype=complex)
     vector = np.zeros((points, size), dtype=complex)
     residual = np.full(points, np.inf)
-    start = np.random.default_rng(20111).standard_normal(size)
+    start = start_vector(size)
     open_points = np.arange(points)
     first = monodromy.states + monodromy.states // 8 + 4
     known: Krylov | None = None
@@ -137,6 +137,34 @@ def _critical_multiplier(monodromy: Monodromy, residual_tolerance: float) -> Cri
     # A value of exactly zero is what is left of vectors that overflowed.
     converged = (residual <= residual_tolerance * np.abs(value)) & (value != 0.0) & np.isfinite(value)
     return CriticalMultiplier(value=value, vector=vector, converged=converged)
+
+
+def start_vector(size: int) -> Array:
+    """Return the vector that Krylov spaces begin with, always the same.
+
+    See docs/physics.md#critical-multiplier.
+    """
+    return np.random.default_rng(20111).standard_normal(size)
+
+
+def leading_multipliers(monodromy: Monodromy, count: int, residual_tolerance: float) -> ComplexArray:
+    """Return the multipliers of largest modulus (point, count), descending, one of each complex pair.
+
+    NaN stands for those whose residual exceeds the tolerance, relative to the modulus: the Krylov space is not grown
+    for their sake.
+
+    See docs/physics.md#critical-multiplier.
+    """
+    size = monodromy.shape[1]
+    steps = min(monodromy.states + monodromy.states // 8 + 4, size)
+    with np.errstate(over="ignore", invalid="ignore"):
+        _, hessenberg = monodromy.krylov(start_vector(size), steps)
+    finite = np.asarray(np.isfinite(hessenberg).all(axis=(1, 2)))
+    value, vector = np.linalg.eig(np.where(finite[:, None, None], hessenberg[:, :steps], 0.0))
+    residual = np.abs(hessenberg[:, steps, steps - 1, None] * vector[:, -1])
+    settled = (residual <= residual_tolerance * np.abs(value)) & (value.imag >= 0.0) & finite[:, None]
+    order = np.argsort(np.where(settled, -np.abs(value), np.inf), axis=1, kind="stable")[:, :count]
+    return np.asarray(np.take_along_axis(np.where(settled, value, np.nan), order, axis=1))
 
 
 def arnoldi(apply: Callable[[Array], Array], start: Array, steps: int, known: Krylov | None = None) -> Krylov:

@@ -88,10 +88,27 @@ def test_chatter_frequencies_are_compared_with_the_nearest_line_of_the_motion():
     assert likelihood.frequency_residual(np.array([1.0]), np.array([np.nan]), np.array([100.0])) == 50.0
 
 
+def heard_alone(measured, residual, passing):
+    """What frequencies say where one motion alone grows."""
+    return likelihood.chatter_frequency(measured, residual[:, None], np.ones((len(residual), 1)), passing)
+
+
+def test_any_motion_that_grows_may_be_the_loudest_by_its_share_of_the_growth():
+    measured, passing = np.full(3, 900.0) * HZ, np.full(3, 800.0) * HZ
+    # Both off, the second near, the second near but not growing.
+    residual = np.array([[200.0, -150.0], [200.0, 2.0], [200.0, 2.0]]) * HZ
+    share = np.array([[0.7, 0.3], [0.7, 0.3], [1.0, 0.0]])
+    found = likelihood.chatter_frequency(measured, residual, share, passing)
+    scale = np.hypot(0.005 * measured, 3.0 * HZ)
+    together = (share * stats.t.pdf(residual, 4.0, scale=scale[:, None])).sum(axis=1)
+    assert found.log_density == pytest.approx(np.log(0.9 * together + 0.1 / passing), rel=1e-13)
+    assert likelihood.heard_motion(measured, residual, share)[0] / HZ == pytest.approx([-150.0, 2.0, 200.0])
+
+
 def test_chatter_frequencies_are_student_t_and_one_in_ten_is_anywhere():
     measured, residual = np.array([600.0, 2400.0]) * HZ, np.array([4.0, -150.0]) * HZ
     scale, passing = np.hypot(0.005 * measured, 3.0 * HZ), np.full(2, 800.0) * HZ
-    found = likelihood.chatter_frequency(measured, residual, passing)
+    found = heard_alone(measured, residual, passing)
     expected = 0.9 * stats.t.pdf(residual, 4.0, scale=scale) + 0.1 / passing
     assert found.log_density == pytest.approx(np.log(expected), rel=1e-13)
 
@@ -100,13 +117,13 @@ def test_coordinates_of_frequencies_carry_nearly_the_expected_information():
     measured, passing = np.array([600.0]) * HZ, np.array([800.0]) * HZ
 
     def density(r):
-        return np.exp(likelihood.chatter_frequency(measured, np.array([r]), passing).log_density[0])
+        return np.exp(heard_alone(measured, np.array([r]), passing).log_density[0])
 
     def information(r):
         return ((density(r + 0.01) - density(r - 0.01)) / 0.02) ** 2 / density(r)
 
     exact = 2.0 * integrate.quad(information, 0.0, 400.0 * HZ, points=[20.0, 200.0], limit=200)[0]
-    stated = gram(lambda h: likelihood.chatter_frequency(measured, 4.0 * HZ + np.array([h]), passing).coordinates, 1e-3)
+    stated = gram(lambda h: heard_alone(measured, 4.0 * HZ + np.array([h]), passing).coordinates, 1e-3)
     # Tails in which both explanations are as likely hold a little less than is stated: seven in a hundred.
     assert exact < stated < 1.1 * exact
 
@@ -130,7 +147,7 @@ def test_the_score_is_the_slope_of_the_log_density_along_the_coordinates(residua
     ]
     kinds = [
         *of_label,
-        lambda shift: likelihood.chatter_frequency(measured, np.array([(residual + shift) * HZ]), passing),
+        lambda shift: heard_alone(measured, np.array([(residual + shift) * HZ]), passing),
         lambda shift: likelihood.gaussian(np.array([residual + shift]), 3.0),
         lambda shift: likelihood.receptance(np.array([1.0 + 2.0j]), np.array([(0.4 + 0.1j) * (1.0 + shift)]), 0.7, 2.0),
     ]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 
 from chatter_core.floquet import collocation, compiled
-from chatter_core.floquet.multipliers import critical_motion
+from chatter_core.floquet.multipliers import critical_motion, leading_multipliers
 from tests.conftest import milling_benchmark, oscillator
 from tests.property.test_stability_invariances import CUTS, MODES, equation, tip_modes
 
@@ -51,6 +51,18 @@ def test_a_krylov_space_that_is_gone_on_from_is_the_one_that_is_built_at_once(tw
     gone_on = operator.select(kept).krylov(start, 12, tuple(part[kept] for part in begun))
     for part, other in zip(at_once, gone_on, strict=True):
         assert np.array_equal(part[kept], other)
+
+
+def test_leading_multipliers_are_the_eigenvalues_of_the_map():
+    """Of a deep cut, against the dense matrix that the plain twin maps the unit vectors to."""
+    problem = milling_benchmark(direction="down", immersion=0.5, rpm=[6000.0], depth_mm=[4.0], axes=(0, 1))
+    plain = collocation.build(problem)
+    matrix = np.stack([plain.apply(unit[None])[0] for unit in np.eye(plain.shape[1])], axis=1)
+    exact = np.linalg.eigvals(matrix)
+    exact = exact[exact.imag >= 0.0]
+    found = leading_multipliers(compiled.build(problem), 3, 1e-6)[0]
+    assert np.sort(np.abs(found))[::-1] == pytest.approx(np.sort(np.abs(exact))[::-1][:3], rel=1e-5)
+    assert np.sort(np.abs(found))[::-1] == pytest.approx(np.abs(found))
 
 
 def test_forces_belong_to_the_same_motion():

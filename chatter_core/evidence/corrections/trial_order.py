@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_core.evidence.corrections.terms import Correction
-from chatter_core.evidence.cuts import CutPrediction
+from chatter_core.evidence.cuts import CutPrediction, together
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.prediction import QUANTITIES, CampaignModel, Prediction
 from chatter_core.stability import Stability, without_result
@@ -113,10 +113,6 @@ class OrderedModel(CampaignModel):
         """Return the prediction of all cuts from those of the stretches and of the limit depths."""
         if any(part.cuts is None for part in parts):
             return None
-        order = np.argsort(np.concatenate(self.stretches))
-        columns = {}
-        for field in fields(CutPrediction):
-            tried = np.concatenate([getattr(part.cuts, field.name) for part in parts])[order]
-            after = [] if rest.cuts is None else [getattr(rest.cuts, field.name)]
-            columns[field.name] = np.concatenate([tried, *after])
-        return CutPrediction(**columns)
+        told = [part.cuts for part in (*parts, rest) if part.cuts is not None]
+        tried = sum(map(len, self.stretches))
+        return together(told, [*self.stretches, *([np.arange(tried, len(self.cuts))] if rest.cuts is not None else [])])
