@@ -24,6 +24,8 @@ WARM_UP = 2
 BEYOND_STATES = (0, 4, 10, 22, 44, 84)
 #: With several delays the period is longer, more has decayed, and it is worth a look before.
 BEFORE_STATES = (-8, -4)
+#: Size, beyond the same, at which those beside the critical one are read.
+BESIDE_STATES = 10
 #: Default residual of the critical Ritz pair, relative to its modulus.
 RESIDUAL_TOLERANCE = 1e-9
 #: Part of an applied vector outside the space, relative to it, that counts as rounding.
@@ -122,7 +124,7 @@ def _critical_multiplier(monodromy: Monodromy, residual_tolerance: float) -> Cri
     residual = np.full(points, np.inf)
     start = start_vector(size)
     open_points = np.arange(points)
-    first = monodromy.states + monodromy.states // 8 + 4
+    first = _felt(monodromy)
     known: Krylov | None = None
     beyond = (*BEFORE_STATES, *BEYOND_STATES) if monodromy.several_delays else BEYOND_STATES
     for wanted in sorted({min(max(first + more, 1), size) for more in beyond}):
@@ -137,6 +139,11 @@ def _critical_multiplier(monodromy: Monodromy, residual_tolerance: float) -> Cri
     # A value of exactly zero is what is left of vectors that overflowed.
     converged = (residual <= residual_tolerance * np.abs(value)) & (value != 0.0) & np.isfinite(value)
     return CriticalMultiplier(value=value, vector=vector, converged=converged)
+
+
+def _felt(monodromy: Monodromy) -> int:
+    """Return how many multipliers are felt, or so."""
+    return monodromy.states + monodromy.states // 8 + 4
 
 
 def start_vector(size: int) -> Array:
@@ -156,7 +163,7 @@ def leading_multipliers(monodromy: Monodromy, count: int, residual_tolerance: fl
     See docs/physics.md#critical-multiplier.
     """
     size = monodromy.shape[1]
-    steps = min(monodromy.states + monodromy.states // 8 + 4, size)
+    steps = min(_felt(monodromy) + BESIDE_STATES, size)
     with np.errstate(over="ignore", invalid="ignore"):
         _, hessenberg = monodromy.krylov(start_vector(size), steps)
     finite = np.asarray(np.isfinite(hessenberg).all(axis=(1, 2)))
