@@ -126,7 +126,8 @@ class Comparison:
             measured = trials.chatter_frequency[heard]
             frequency, spacing, share = prediction.motions(heard)
             residual = likelihood.frequency_residual(measured[:, None], frequency, spacing)
-            found["chatter_frequency"] = likelihood.chatter_frequency(measured, residual, share, spacing[:, 0])
+            scale = likelihood.frequency_scale(measured, prediction.margin[heard])
+            found["chatter_frequency"] = likelihood.chatter_frequency(residual, share, scale, spacing[:, 0])
         return found
 
     def _of_receptances(self, prediction: Prediction) -> dict[str, Contribution]:

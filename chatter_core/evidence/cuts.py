@@ -64,7 +64,7 @@ class CutPrediction:
     margin: distance from the boundary in ln(depth), positive where unstable, NaN where the model has no answer;
     crossing: where that boundary lies, from the cut, NaN where none is in reach; chatter_frequency [rad/s], of the
     critical motion, NaN where none was asked for; other_frequency (cut, other): of others that grow too, NaN where
-    there are none; share (cut, 1 + other): of each in the growth of all, the critical one first; tooth_passing
+    there are none; share (cut, 1 + other): of each, and each of its lines, in the growth of all; tooth_passing
     frequency and line_spacing of a motion [rad/s], the same where teeth are alike; solved: whether the bearings have
     an equilibrium.
     """
@@ -147,7 +147,10 @@ def _hear(
     grows = np.nan_to_num(growth, nan=0.0, neginf=0.0).clip(min=0.0)
     # Where nothing grows, at a crossing, it is the critical motion that would.
     grows[~grows.any(axis=1), 0] = 1.0
-    found.share[heard] = grows / grows.sum(axis=1, keepdims=True)
+    share = grows / grows.sum(axis=1, keepdims=True)
+    # Which of its lines between two tooth passings is the strongest is known of the critical motion alone.
+    share[:, 1:] /= stages.passages.repeat
+    found.share[heard] = share
     found.other_frequency[heard] = np.where(grows > 0.0, frequency, np.nan)[:, 1:]
     found.tooth_passing[heard] = stages.machine.tool.teeth * built.spindle_speed[speed_index]
     found.line_spacing[heard] = found.tooth_passing[heard] / stages.passages.repeat

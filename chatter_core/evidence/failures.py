@@ -153,8 +153,8 @@ def _frequencies(campaign: Campaign, trials: Trials, compared: Compared) -> Iter
     measured = trials.chatter_frequency[which]
     frequency, spacing, share = compared.prediction.motions(np.isfinite(trials.chatter_frequency))
     residual = likelihood.frequency_residual(measured[:, None], frequency, spacing)
-    apart = np.abs(likelihood.heard_motion(measured, residual, share)[0])
-    scale, tooth_passing = likelihood.frequency_scale(measured), spacing[:, 0]
+    scale = likelihood.frequency_scale(measured, compared.prediction.margin[which])
+    apart, tooth_passing = np.abs(likelihood.heard_motion(residual, share, scale)[0]), spacing[:, 0]
     far = stats.t.ppf(1.0 - 0.5 * IMPROBABLE, likelihood.FREQUENCY_FREEDOM) * scale
     elsewhere = likelihood.FREQUENCY_ELSEWHERE * np.clip(1.0 - 2.0 * far / tooth_passing, 0.0, 1.0)
     yield _Data(

@@ -19,8 +19,9 @@ ComplexArray = NDArray[np.complex128]
 LINE_ERROR, FLOOR_ERROR = 0.04, 0.02
 #: Numbers that one resonance holds: frequency, damping, and the two parts of its residue.
 FACTS_OF_A_PEAK = 4.0
-#: Chatter frequency: share of itself, for reading it and for its drift as chatter grows; and the least [rad/s].
-FREQUENCY_SHARE, FREQUENCY_FLOOR = 0.005, 2.0 * np.pi * 3.0
+#: Chatter frequency: share of itself, for reading it, and the least [rad/s]; and the share by which it drifts as
+#: chatter grows, for teeth that leave the cut cut less, times the margin in ln(depth).
+FREQUENCY_SHARE, FREQUENCY_FLOOR, FREQUENCY_DRIFT = 0.005, 2.0 * np.pi * 3.0, 0.025
 #: Degrees of freedom of its distribution; share of those that belong to another branch of multipliers.
 FREQUENCY_FREEDOM, FREQUENCY_ELSEWHERE = 4.0, 0.1
 #: Standard deviations of the logarithm: natural frequency, damping ratio, stiffness of a single bearing.
@@ -98,41 +99,42 @@ def frequency_residual(measured: Array, predicted: Array, spacing: Array) -> Arr
     return np.asarray(np.where(np.isnan(predicted), 0.5 * spacing, nearest))
 
 
-def heard_motion(measured: Array, residual: Array, share: Array) -> tuple[Array, Array]:
-    """Return residual (trial,) and log density (trial,) of the motion that was heard, most probably.
-
-    measured: (trial,) [rad/s]; residual, share: (trial, motion), of each motion that grows, and how much of all growth
-    is its own: any of them may be the loudest. The density is that of all together.
+def frequency_scale(measured: Array, margin: Array) -> Array:
+    """Return the scale (trial,) [rad/s] of measured chatter frequencies (trial,) at margins (trial,) in ln(depth).
 
     See docs/physics.md#likelihoods.
     """
-    scale, freedom = frequency_scale(measured)[:, None], FREQUENCY_FREEDOM
+    drift = FREQUENCY_DRIFT * np.nan_to_num(margin).clip(min=0.0)
+    return np.asarray(np.sqrt(((FREQUENCY_SHARE**2 + drift**2) * measured**2) + FREQUENCY_FLOOR**2))
+
+
+def heard_motion(residual: Array, share: Array, scale: Array) -> tuple[Array, Array]:
+    """Return residual (trial,) and log density (trial,) of the motion that was heard, most probably.
+
+    residual, share: (trial, motion), of each motion that grows, and how much of all growth is its own: any of them may
+    be the loudest; scale: (trial,) [rad/s]. The density is that of all together.
+
+    See docs/physics.md#likelihoods.
+    """
+    width, freedom = scale[:, None], FREQUENCY_FREEDOM
     normaliser = gammaln(0.5 * (freedom + 1.0)) - gammaln(0.5 * freedom) - 0.5 * np.log(freedom * np.pi)
-    student = normaliser - np.log(scale) - 0.5 * (freedom + 1.0) * np.log1p((residual / scale) ** 2 / freedom)
+    student = normaliser - np.log(width) - 0.5 * (freedom + 1.0) * np.log1p((residual / width) ** 2 / freedom)
     with np.errstate(divide="ignore"):
         each = np.log(share) + student
     most = each.argmax(axis=1)[:, None]
     return np.take_along_axis(residual, most, axis=1)[:, 0], logsumexp(each, axis=1)
 
 
-def frequency_scale(measured: Array) -> Array:
-    """Return the scale of measured chatter frequencies, of their shape [rad/s].
-
-    See docs/physics.md#likelihoods.
-    """
-    return np.asarray(np.hypot(FREQUENCY_SHARE * measured, FREQUENCY_FLOOR))
-
-
-def chatter_frequency(measured: Array, residual: Array, share: Array, tooth_passing: Array) -> Contribution:
+def chatter_frequency(residual: Array, share: Array, scale: Array, tooth_passing: Array) -> Contribution:
     """Return what chatter frequencies say: Student-t, for saturated chatter departs from theory.
 
-    measured, tooth_passing: (trial,) [rad/s]; residual, share: as for ``heard_motion``. One in ten lies anywhere
-    between two lines, and a single label of a branch must not outweigh all other data.
+    residual, share, scale: as for ``heard_motion``; tooth_passing: (trial,) [rad/s]. One in ten lies anywhere between
+    two lines, and a single label of a branch must not outweigh all other data.
 
     See docs/physics.md#likelihoods.
     """
-    freedom, elsewhere, scale = FREQUENCY_FREEDOM, FREQUENCY_ELSEWHERE, frequency_scale(measured)
-    heard, nearby = heard_motion(measured, residual, share)
+    freedom, elsewhere = FREQUENCY_FREEDOM, FREQUENCY_ELSEWHERE
+    heard, nearby = heard_motion(residual, share, scale)
     density = np.logaddexp(np.log1p(-elsewhere) + nearby, np.log(elsewhere / tooth_passing))
     # Expected information of a location: (freedom + 1) / (freedom + 3) over the scale squared, for those that tell it.
     unit = np.sqrt((1.0 - elsewhere) * (freedom + 1.0) / (freedom + 3.0))

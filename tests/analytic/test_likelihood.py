@@ -90,7 +90,8 @@ def test_chatter_frequencies_are_compared_with_the_nearest_line_of_the_motion():
 
 def heard_alone(measured, residual, passing):
     """What frequencies say where one motion alone grows."""
-    return likelihood.chatter_frequency(measured, residual[:, None], np.ones((len(residual), 1)), passing)
+    scale = likelihood.frequency_scale(measured, np.zeros(len(measured)))
+    return likelihood.chatter_frequency(residual[:, None], np.ones((len(residual), 1)), scale, passing)
 
 
 def test_any_motion_that_grows_may_be_the_loudest_by_its_share_of_the_growth():
@@ -98,11 +99,18 @@ def test_any_motion_that_grows_may_be_the_loudest_by_its_share_of_the_growth():
     # Both off, the second near, the second near but not growing.
     residual = np.array([[200.0, -150.0], [200.0, 2.0], [200.0, 2.0]]) * HZ
     share = np.array([[0.7, 0.3], [0.7, 0.3], [1.0, 0.0]])
-    found = likelihood.chatter_frequency(measured, residual, share, passing)
     scale = np.hypot(0.005 * measured, 3.0 * HZ)
+    found = likelihood.chatter_frequency(residual, share, scale, passing)
     together = (share * stats.t.pdf(residual, 4.0, scale=scale[:, None])).sum(axis=1)
     assert found.log_density == pytest.approx(np.log(0.9 * together + 0.1 / passing), rel=1e-13)
-    assert likelihood.heard_motion(measured, residual, share)[0] / HZ == pytest.approx([-150.0, 2.0, 200.0])
+    assert likelihood.heard_motion(residual, share, scale)[0] / HZ == pytest.approx([-150.0, 2.0, 200.0])
+
+
+def test_chatter_frequencies_drift_as_chatter_grows():
+    measured = np.full(4, 1200.0) * HZ
+    found = likelihood.frequency_scale(measured, np.array([-0.4, 0.0, 0.45, np.nan])) / HZ
+    at_limit, deep = np.hypot(6.0, 3.0), np.sqrt(6.0**2 + 3.0**2 + (0.025 * 0.45 * 1200.0) ** 2)
+    assert found == pytest.approx([at_limit, at_limit, deep, at_limit])
 
 
 def test_chatter_frequencies_are_student_t_and_one_in_ten_is_anywhere():
