@@ -8,7 +8,7 @@ SEEDS  ?= test
 FOLDER ?= results/blind
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep point compare diagnose improve predict identify paper tutorial template report bench blind test clean
+.PHONY: help run sweep point compare diagnose improve predict identify paper tutorial template report status bench blind test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -52,6 +52,9 @@ template: $(VENV)/.installed ## an empty measurement campaign to fill in, by ARG
 
 report: $(VENV)/.installed ## write tables, figures and page of a finished study again, by ARGS=output=DIR
 	$(BIN)/python -m pipeline report $(ARGS)
+
+status: $(VENV)/.installed ## how far a study is, by ARGS=output=DIR
+	$(BIN)/python -m pipeline status $(ARGS)
 
 bench: $(VENV)/.installed ## speed and error beside the textbook's method, into results/bench.md
 	$(BIN)/python -m benchmarks $(ARGS)

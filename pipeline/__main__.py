@@ -28,6 +28,7 @@ VERBS = {
     "paper": "the paper's findings on the reference machine: figures P1 to P9 and a table of what holds",
     "template": "write an empty measurement campaign to fill in, every file, key and column explained",
     "report": "write tables, figures and report of a computed study again",
+    "status": "how far a study is that is being computed, or was: done, failed, rate, time left",
 }
 
 HELP = """Milling chatter from a bearing's data sheet.
@@ -52,6 +53,7 @@ examples
   python -m pipeline improve campaign=my_campaign output=results/improved
   python -m pipeline predict campaign=my_campaign model=model.yaml trials=plan.csv predictions=out.csv
   python -m pipeline report output=results/smoke-1234abcd
+  python -m pipeline status output=results/smoke-1234abcd
 
 groups and their choices
 {groups}
@@ -74,6 +76,7 @@ options of verbs
   paper     output=DIR
   template  output=DIR
   report    output=DIR
+  status    output=DIR, format=text|json
 
 exit codes: 0 all well, 1 some points failed and are marked, 2 bad input, 3 store in use
 """

@@ -9,6 +9,7 @@ import platform
 import subprocess
 import sys
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
@@ -177,6 +178,25 @@ def chunks(group: zarr.Group) -> list[Chunk]:
 def status_of(group: zarr.Group, chunk: Chunk) -> np.ndarray:
     """Return the status of a chunk's cells (speed, depth)."""
     return np.asarray(_array_of(group, "status")[chunk.region])
+
+
+def readable_status(group: zarr.Group, chunk: Chunk) -> np.ndarray:
+    """Return the status of a chunk's cells (speed, depth), pending where it cannot be read."""
+    try:
+        return status_of(group, chunk)
+    except (ValueError, RuntimeError):  # checksum, decompression
+        return np.zeros((chunk.last - chunk.first, _array_of(group, "status").shape[-1]), dtype=np.uint8)
+
+
+def written_at(path: Path) -> np.ndarray:
+    """Return when each chunk was written that is complete or marked (chunk,), ascending [s since 1970]."""
+    times = []
+    for file in (path / "status" / "c").rglob("*"):
+        # A chunk that is just being written, or taken back, may be gone again.
+        with suppress(FileNotFoundError):
+            if file.is_file() and file.suffix != ".partial":
+                times.append(file.stat().st_mtime)
+    return np.sort(np.array(times))
 
 
 @lru_cache(maxsize=4)

@@ -202,16 +202,8 @@ def _note(journal: Journal, record: Record) -> None:
     )
 
 
-def _readable_status(group: zarr.Group, chunk: store.Chunk) -> np.ndarray:
-    """Return the status of a chunk, pending where it cannot be read: it is computed again then."""
-    try:
-        return store.status_of(group, chunk)
-    except (ValueError, RuntimeError):  # checksum, decompression
-        return np.zeros((chunk.last - chunk.first, _depths(group)), dtype=np.uint8)
-
-
 def _is_pending(path: Path, group: zarr.Group, chunk: store.Chunk, retry_failed: bool) -> bool:
-    status = _readable_status(group, chunk)
+    status = store.readable_status(group, chunk)
     if (status == STATUS["pending"]).any() or (retry_failed and np.isin(status, FAILED).any()):
         return True
     return bool(np.isin(status, WITH_RESULT).any()) and store.lost_part(path, group, chunk) is not None

@@ -1,0 +1,153 @@
+"""How far a study is: what its store says, whether it is being computed or not."""
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from chatter_core.errors import InvalidInput
+from chatter_core.variables import FAILED, STATUS
+from pipeline import store
+from pipeline.configuration import sort_words
+
+#: The rate is that of the chunks that were written in so many seconds before the last.
+RECENT = 600.0
+#: Without a chunk for so many times the usual distance between two, nobody seems to compute.
+SILENT = 20.0
+#: Seconds without a chunk below which a study counts as being computed, however short its chunks are.
+PATIENCE = 60.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """How far a study is.
+
+    study: its name; cells: by status; chunks: how many there are, and written: when each was that is there, ascending
+    [s since 1970]; now: when this was seen.
+    """
+
+    study: str
+    cells: dict[str, int]
+    chunks: int
+    written: np.ndarray
+    now: float
+
+    @property
+    def done(self) -> int:
+        """Cells that are not pending."""
+        return sum(count for name, count in self.cells.items() if name != "pending")
+
+    @property
+    def failed(self) -> int:
+        """Cells that are marked as failed."""
+        return sum(count for name, count in self.cells.items() if STATUS[name] in FAILED)
+
+    @property
+    def rate(self) -> float | None:
+        """Chunks a second, lately; None where fewer than two were written."""
+        recent = self.written[self.written > self.written[-1] - RECENT] if len(self.written) else self.written
+        apart = float(np.ptp(recent)) if len(recent) > 1 else 0.0
+        return (len(recent) - 1) / apart if apart > 0.0 else None
+
+    @property
+    def state(self) -> str:
+        """Whether it is ``complete``, ``computing``, or ``interrupted``; ``empty`` before the first chunk."""
+        if len(self.written) == self.chunks and "pending" not in self.cells:
+            return "complete"
+        if not len(self.written):
+            return "empty"
+        usual = 1.0 / self.rate if self.rate else 0.0
+        return "computing" if self.now - self.written[-1] < max(PATIENCE, SILENT * usual) else "interrupted"
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Seconds until all chunks are there at the latest rate; None where that is not known."""
+        missing = self.chunks - len(self.written)
+        return missing / self.rate if self.rate else None
+
+
+def run(words: list[str]) -> int:
+    """Tell how far a study is; return 1 where cells have failed, else 0."""
+    sorted_words = sort_words(words, ("output", "format"))
+    foreign = [*sorted_words.choices, *sorted_words.values, *(["machine"] if sorted_words.machine_file else [])]
+    problems = [f"{word}: not for status, which takes output=DIR and format=text|json" for word in foreign]
+    options = sorted_words.options
+    if "output" not in options:
+        problems.append("output: missing; needed: the folder of a study")
+    if (kind := options.get("format", "text")) not in ("text", "json"):
+        problems.append(f"format: found {kind!r}, allowed: text, json")
+    if problems:
+        raise InvalidInput(problems)
+    output = Path(options["output"])
+    if not (output / "lobes.zarr" / "zarr.json").exists():
+        raise InvalidInput([f"output: {output} holds no lobes.zarr; compute it with: python -m pipeline sweep"])
+    found = progress(output / "lobes.zarr")
+    print(json.dumps(document(found), indent=2) if kind == "json" else text(found))
+    return 1 if found.failed else 0
+
+
+def progress(path: Path) -> Progress:
+    """Return how far the study in a store is.
+
+    Raises InvalidInput when the store is damaged beyond its chunks.
+    """
+    group = store.check(path)
+    tally = np.zeros(len(STATUS), dtype=int)
+    for chunk in store.chunks(group):
+        tally += np.bincount(store.readable_status(group, chunk).ravel(), minlength=len(STATUS))
+    return Progress(
+        study=str(group.attrs["study"]),
+        cells={name: int(tally[code]) for name, code in STATUS.items() if tally[code]},
+        chunks=len(store.chunks(group)),
+        written=store.written_at(path),
+        now=time.time(),
+    )
+
+
+def document(found: Progress) -> dict[str, Any]:
+    """Return progress as plain data."""
+    return {
+        "study": found.study,
+        "state": found.state,
+        "cells": found.cells,
+        "cells_done": found.done,
+        "cells_failed": found.failed,
+        "cells_total": sum(found.cells.values()),
+        "chunks_written": len(found.written),
+        "chunks_total": found.chunks,
+        "chunks_per_second": found.rate,
+        "last_chunk_seconds_ago": found.now - float(found.written[-1]) if len(found.written) else None,
+        "seconds_left": found.seconds_left if found.state == "computing" else None,
+    }
+
+
+def text(found: Progress) -> str:
+    """Return progress in words."""
+    total = sum(found.cells.values())
+    lines = [
+        f"study {found.study}: {found.state}",
+        f"cells:  {found.done} of {total} ({100.0 * found.done / total:.1f} %)"
+        + "".join(f", {count} {name}" for name, count in found.cells.items()),
+        f"chunks: {len(found.written)} of {found.chunks}",
+    ]
+    if found.rate:
+        lines.append(f"rate:   {found.rate:.3g} chunks a second, {found.rate * total / found.chunks:.0f} cells")
+    if len(found.written):
+        lines.append(f"last:   a chunk {_duration(found.now - float(found.written[-1]))} ago")
+    if found.state == "computing" and found.seconds_left is not None:
+        lines.append(f"left:   {_duration(found.seconds_left)} at this rate")
+    if found.state == "interrupted":
+        lines.append("The command that began it goes on where it was.")
+    if found.failed:
+        lines.append(f"{found.failed} cells have failed; computed again with retry_failed=true")
+    return "\n".join(lines)
+
+
+def _duration(seconds: float) -> str:
+    """Return a time span in words, in its largest unit that is whole."""
+    if seconds < 120.0:
+        return f"{max(seconds, 0.0):.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.1f} h"
