@@ -1,5 +1,6 @@
 """Corrections recover curves that no formula of theirs made, inside their bands, and say where nothing is hidden."""
 
+import pickle
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,7 +8,8 @@ import pytest
 
 from chatter_core.evidence import Comparison, base_model, calibrate
 from chatter_core.evidence.candidates import Hypothesis
-from chatter_core.evidence.corrections import corrections_of, fit_correction, mending, told
+from chatter_core.evidence.corrections import corrections_of, fit_correction, measured_places, mending, told
+from chatter_core.evidence.corrections.fitted import corrected_model
 from chatter_core.evidence.corrections.terms import DAMPING, FORCE, SPEED, Correction
 from chatter_core.evidence.scores import COVERAGE
 from chatter_core.units import si_factor
@@ -126,3 +128,15 @@ def test_where_nothing_is_hidden_nothing_is_wanted():
 
 def test_a_campaign_without_a_range_has_nothing_to_tell():
     assert mending([]).startswith("Nothing was measured over a range")
+
+
+def test_a_correction_that_has_been_to_a_worker_and_back_is_the_same():
+    """What travels between processes is a copy: nothing may hang on which object it is."""
+    made = plan(np.random.default_rng(4))
+    model = base_model(made)
+    for correction in corrections_of(model):
+        copy = pickle.loads(pickle.dumps(correction))
+        assert copy.axis == correction.axis
+        assert type(corrected_model(model, copy)) is type(corrected_model(model, correction))
+        places = [measured_places(made, one.quantity, one.axis) for one in (copy, correction)]
+        np.testing.assert_array_equal(*places)

@@ -74,7 +74,7 @@ def corrected_model(model: CampaignModel, correction: Correction) -> CampaignMod
     See docs/physics.md#corrections.
     """
     terms = (*model.terms, correction)
-    if correction.axis is not TRIAL:
+    if correction.axis != TRIAL:
         return replace(model, terms=terms)
     settings = {field.name: getattr(model, field.name) for field in fields(CampaignModel)}
     return OrderedModel(**settings | {"terms": terms})
@@ -196,7 +196,7 @@ def _band(fit: Fit, slope: Array) -> tuple[Array, Array, Array]:
 
 def _place(correction: Correction, value: float) -> str:
     """Return a place of an axis in words."""
-    if correction.axis is TRIAL:
+    if correction.axis == TRIAL:
         return f"trial {value:.0f}"
     if correction.axis.name.endswith("_rpm"):
         return f"{value:.0f} rpm"

@@ -210,13 +210,13 @@ def _corrections(model: CampaignModel) -> Iterator[Correction]:
     campaign, nuisances = model.campaign, {parameter.name for parameter in model.parameters}
     stiff = SEATS if campaign.machine.spindle is not None else MODES
     pairs = [(DAMPING, SPEED), (FORCE, SPEED), (FORCE, FEED), (FORCE, IMMERSION), (FORCE, TRIAL), (stiff, TRIAL)]
-    if stiff is MODES or _bearings_feel_speed(model):
+    if stiff == MODES or _bearings_feel_speed(model):
         pairs.insert(0, (stiff, SPEED))
     for quantity, axis in pairs:
         places = measured_places(campaign, quantity, axis)
         if len(np.unique(places)) >= FEWEST_PLACES:
             # The order of trials has one number for all that was measured before them: the first.
-            at = float(places.min()) if axis is TRIAL else None
+            at = float(places.min()) if axis == TRIAL else None
             level = quantity.held_by not in nuisances
             curve = curve_over(places, amplitude=quantity.amplitude, level=level)
             yield Correction(quantity=quantity, axis=axis, curve=curve, at=at)
@@ -232,11 +232,11 @@ def measured_places(campaign: Campaign, quantity: Quantity, axis: Axis) -> Array
     See docs/physics.md#corrections.
     """
     trials, process = campaign.trials, campaign.machine.process
-    if axis is SPEED:
-        return _speeds(campaign, uncut=quantity is not FORCE)
+    if axis == SPEED:
+        return _speeds(campaign, uncut=quantity != FORCE)
     if trials is None:
         return np.empty(0)
-    if axis is TRIAL:
+    if axis == TRIAL:
         return trials.trial.astype(float)
     stated = {FEED.name: trials.feed_per_tooth, IMMERSION.name: trials.radial_immersion}[axis.name]
     own = {FEED.name: process.feed_per_tooth, IMMERSION.name: process.radial_immersion}[axis.name]
