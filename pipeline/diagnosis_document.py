@@ -47,7 +47,8 @@ def document(found: Diagnosis, campaign: str) -> dict[str, Any]:
         "text": found.verdict.text,
         "ranking": [ranked_data(found, one) for one in found.ranking if one.name != NOTHING],
         "probability_of_none": next(one.probability for one in found.ranking if one.name == NOTHING),
-        "pair": None if found.pair is None else ranked_data(found, found.pair),
+        # Single effects and nothing missing share one probability; a pair stands beside them by its evidence.
+        "pair": None if found.pair is None else ranked_data(found, found.pair) | {"probability": None},
         "calibration": parameters_of(found.base, set()),
         "coverage_of_intervals": COVERAGE,
         "where_it_fails": [failure_data(failure) for failure in found.judged[NOTHING].failures],

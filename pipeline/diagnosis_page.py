@@ -63,7 +63,9 @@ def ranking_rows(found: Diagnosis) -> list[list[str]]:
                 told.append(f"{name} {values['estimate']:.3g} ({span}){unit}")
             told += [f"{key} {value}" for key, value in candidate.settings.items()]
         change = "" if after is None or before is None else f"{100 * before:.1f} to {100 * after:.1f} %"
-        rows.append([one.name, f"{one.probability:.3f}", f"{one.gain:+.1f}", change, "; ".join(told)])
+        # A pair stands beside the ranking, by its evidence.
+        probability = "" if one is found.pair else f"{one.probability:.3f}"
+        rows.append([one.name, probability, f"{one.gain:+.1f}", change, "; ".join(told)])
     return rows
 
 

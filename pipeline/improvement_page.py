@@ -189,7 +189,7 @@ def _parameter_rows(one: dict[str, Any]) -> list[list[str]]:
     return [
         [
             _readable(one["effect"]),
-            f"{one['probability']:.2f}",
+            "" if one["probability"] is None else f"{one['probability']:.2f}",
             _readable(name),
             f"{told['estimate']:.3g}",
             f"{told['low']:.3g} to {told['high']:.3g}",
