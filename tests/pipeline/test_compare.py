@@ -209,6 +209,8 @@ def test_a_stopped_comparison_ends_in_order_and_leaves_nothing(tmp_path, number,
         text=True,
         start_new_session=True,
         env={**os.environ, "TMPDIR": str(scratch)},
+        # A shell that runs the tests in the background has them, and what they start, ignore SIGINT.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     try:
         # The first piece of work is done, and others are under way.
