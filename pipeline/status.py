@@ -95,13 +95,13 @@ def progress(path: Path) -> Progress:
     Raises InvalidInput when the store is damaged beyond its chunks.
     """
     group = store.check(path)
-    tally = np.zeros(len(STATUS), dtype=int)
-    for chunk in store.chunks(group):
+    chunks, tally = store.chunks(group), np.zeros(len(STATUS), dtype=int)
+    for chunk in chunks:
         tally += np.bincount(store.readable_status(group, chunk).ravel(), minlength=len(STATUS))
     return Progress(
         study=str(group.attrs["study"]),
         cells={name: int(tally[code]) for name, code in STATUS.items() if tally[code]},
-        chunks=len(store.chunks(group)),
+        chunks=len(chunks),
         written=store.written_at(path),
         now=time.time(),
     )
