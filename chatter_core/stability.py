@@ -134,7 +134,7 @@ def branches(
         equation = milling_equation(stages, built, speed_index[points], axial_depth[points])
         found = leading_multipliers(equation, method, count)
         with np.errstate(divide="ignore"):
-            growth[points] = np.log(np.abs(found)) / stages.passages.repeat
+            growth[points] = np.log(np.abs(per_tooth(found, stages.passages.repeat)))
         frequency[points] = np.abs(np.angle(found)) / equation.period[:, None]
     return growth, frequency
 
@@ -186,9 +186,8 @@ def _candidates(
 
 def _waves(stages: Stages, built: Structure) -> Array:
     """Return the waves of the fastest mode in the period of the cut (speed,); NaN where nothing is known."""
-    tool = stages.machine.tool
     with np.errstate(divide="ignore"):
-        period = stages.teeth(tool).repeat * 2.0 * np.pi / (tool.teeth * built.spindle_speed)
+        period = stages.passages.repeat * 2.0 * np.pi / (stages.passages.teeth * built.spindle_speed)
     return np.asarray(built.cut_modes.natural_frequency.max(axis=1) * period / (2.0 * np.pi))
 
 

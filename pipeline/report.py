@@ -12,8 +12,8 @@ import xarray as xr
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS, WITH_RESULT
 from pipeline import figures, page, store, tables
-from pipeline.configuration import sort_words
 from pipeline.lobes import crossover_speeds, dominance, most_misjudged, stability_limit
+from pipeline.study_folder import study_folder
 
 #: Rows of a table on the page; the CSV files hold all.
 PAGE_ROWS = 24
@@ -41,16 +41,7 @@ class PageTable:
 
 def run(words: list[str]) -> int:
     """Write the report of a folder again; return the exit code."""
-    sorted_words = sort_words(words, ("output",))
-    foreign = [*sorted_words.choices, *sorted_words.values, *(["machine"] if sorted_words.machine_file else [])]
-    if foreign:
-        raise InvalidInput([f"{word}: not for report, which takes output=DIR alone" for word in foreign])
-    options = sorted_words.options
-    if "output" not in options:
-        raise InvalidInput(["output: missing; needed: the folder of a computed study"])
-    output = Path(options["output"])
-    if not (output / "lobes.zarr" / "zarr.json").exists():
-        raise InvalidInput([f"output: {output} holds no lobes.zarr; compute it with: python -m pipeline sweep"])
+    output, _ = study_folder(words, "report")
     for file in write(output):
         print(f"written: {file}")
     return 0

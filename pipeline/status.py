@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from chatter_core.errors import InvalidInput
 from chatter_core.variables import FAILED, STATUS
 from pipeline import store
-from pipeline.configuration import sort_words
+from pipeline.study_folder import study_folder
 
 #: The rate is that of the chunks that were written in so many seconds before the last.
 RECENT = 600.0
@@ -71,21 +70,9 @@ class Progress:
 
 def run(words: list[str]) -> int:
     """Tell how far a study is; return 1 where cells have failed, else 0."""
-    sorted_words = sort_words(words, ("output", "format"))
-    foreign = [*sorted_words.choices, *sorted_words.values, *(["machine"] if sorted_words.machine_file else [])]
-    problems = [f"{word}: not for status, which takes output=DIR and format=text|json" for word in foreign]
-    options = sorted_words.options
-    if "output" not in options:
-        problems.append("output: missing; needed: the folder of a study")
-    if (kind := options.get("format", "text")) not in ("text", "json"):
-        problems.append(f"format: found {kind!r}, allowed: text, json")
-    if problems:
-        raise InvalidInput(problems)
-    output = Path(options["output"])
-    if not (output / "lobes.zarr" / "zarr.json").exists():
-        raise InvalidInput([f"output: {output} holds no lobes.zarr; compute it with: python -m pipeline sweep"])
+    output, options = study_folder(words, "status", {"format": ("text", "json")})
     found = progress(output / "lobes.zarr")
-    print(json.dumps(document(found), indent=2) if kind == "json" else text(found))
+    print(json.dumps(document(found), indent=2) if options["format"] == "json" else text(found))
     return 1 if found.failed else 0
 
 
