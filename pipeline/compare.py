@@ -6,13 +6,13 @@ from pathlib import Path
 from distributed import Client
 
 from chatter_core.evidence import CampaignModel, Comparison, calibrate
-from chatter_core.evidence.assessment import Assessment, as_described, assess, interval
+from chatter_core.evidence.assessment import Assessment, as_described, assess
 from chatter_core.evidence.belief import Belief, fitted
 from pipeline import comparison_page, judging, model_file
 from pipeline.campaigns import Asked
 from pipeline.jobs import Job, spread_parts
 from pipeline.judging import MODEL, Verb
-from pipeline.pieces import held_out_jobs, lobe_jobs
+from pipeline.pieces import held_out_jobs, interval_jobs, intervals, lobe_jobs
 
 
 def run(words: list[str]) -> int:
@@ -56,7 +56,7 @@ def compute(client: Client | None, comparison: Comparison, belief: Belief) -> As
     second = spread_parts(
         client,
         {
-            "intervals": [Job(name=f"interval of {p}", call=partial(interval, comparison, fit, p)) for p in parameters],
+            "intervals": interval_jobs(comparison, fit, parameters),
             "lobes": lobe_jobs(model, known, "lobes as calibrated"),
         },
     )
@@ -65,7 +65,7 @@ def compute(client: Client | None, comparison: Comparison, belief: Belief) -> As
         described=(described, before, first["lobes"]),
         refitted=(fit, known, second["lobes"]),
         held_out=first["held_out"],
-        intervals=dict(zip(parameters, second["intervals"], strict=True)),
+        intervals=intervals(fit, parameters, second["intervals"]),
     )
 
 

@@ -10,7 +10,7 @@ from distributed import Client
 from chatter_core.effects import Effect, effect_names, variants
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, calibrate
-from chatter_core.evidence.assessment import Assessment, Limits, Version, curvature, interval, version
+from chatter_core.evidence.assessment import Assessment, Limits, Version, curvature, version
 from chatter_core.evidence.belief import Belief, fitted
 from chatter_core.evidence.candidates import Candidate, Hypothesis, fit_hypothesis, look, pursue, refit, slope_of
 from chatter_core.evidence.held_out import together
@@ -26,7 +26,7 @@ from pipeline.campaigns import settings_of
 from pipeline.corrections import Corrections, correct
 from pipeline.jobs import Job, spread, spread_parts
 from pipeline.model_file import Content
-from pipeline.pieces import held_out_jobs, lobe_jobs
+from pipeline.pieces import held_out_jobs, interval_jobs, intervals, lobe_jobs
 
 #: Effects that restore what a base model was asked to leave out.
 RESTORING = {"speed_dependent_bearing": "base", "higher_modes": "modes"}
@@ -36,6 +36,8 @@ CLOSE = 12.0
 SECONDS = 4
 #: Verdicts after which the best effect belongs to the model, although others may be tied with it.
 SUPPORTED = ("effect", "ambiguous")
+#: The first effect of a ranking is told of others where it is as probable as this, whatever the verdict.
+LIKELY = 0.1
 #: Fewer cuts and responses together than this tell nothing.
 FEWEST_CUTS = 8
 
@@ -189,10 +191,8 @@ def completed(
 def _intervals(client: Client | None, named: Hypothesis) -> dict[str, Limits]:
     """Return the profile intervals of the parameters of effects that are named; none for the base model."""
     names = [parameter.name for candidate in named.candidates for parameter in candidate.term.parameters]
-    jobs = [
-        Job(name=f"interval of {name}", call=partial(interval, named.comparison, named.fit, name)) for name in names
-    ]
-    return dict(zip(names, spread(client, jobs), strict=True))
+    ends = spread(client, interval_jobs(named.comparison, named.fit, names))
+    return intervals(named.fit, names, ends)
 
 
 def _next(
@@ -308,8 +308,8 @@ def _powers(client: Client | None, base: Hypothesis, candidates: Sequence[Candid
 
 
 def _told_of_others(found: Diagnosis) -> list[Hypothesis]:
-    """Return the hypotheses that are judged on cuts held out: the base model, and the best or else the first effect."""
-    effects = [one.best for one in found.ranking if one.name != NOTHING]
+    """Return the hypotheses that are judged on cuts held out: the base model, and the best or else a likely effect."""
+    effects = [one.best for one in found.ranking if one.name != NOTHING and one.probability > LIKELY]
     return [found.base, *([found.best] if found.best is not found.base else effects[:1])]
 
 

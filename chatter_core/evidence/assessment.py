@@ -19,7 +19,7 @@ from chatter_core.evidence.cuts import where_it_chatters
 from chatter_core.evidence.failures import Failure, failures
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.held_out import together
-from chatter_core.evidence.intervals import profile_interval
+from chatter_core.evidence.intervals import End, profile_end
 from chatter_core.evidence.prediction import CampaignModel, Prediction
 from chatter_core.evidence.scores import COVERAGE, Score, Told, cut_scores, structure_scores, told
 
@@ -84,16 +84,25 @@ def as_described(comparison: Comparison, belief: Belief) -> Fit:
     return calibrate(comparison, start=belief.about(comparison.model).estimate, fixed=fixed)
 
 
-def interval(comparison: Comparison, fit: Fit, name: str) -> Limits:
-    """Return the profile interval of a parameter; where profiling fails, that of the curvature, and why.
+def interval_end(comparison: Comparison, fit: Fit, name: str, side: int) -> End | str:
+    """Return an end of the profile interval of a parameter, the lower or the upper one; why where profiling fails.
 
     See docs/physics.md#fit.
     """
     try:
-        found = profile_interval(comparison, fit, name, COVERAGE)
-        return Limits(low=found.low, high=found.high, method="profile")
+        return profile_end(comparison, fit, name, side, COVERAGE)
     except NotConverged as error:
-        return curvature(fit, name, str(error))
+        return str(error)
+
+
+def interval(fit: Fit, name: str, low: End | str, high: End | str) -> Limits:
+    """Return the profile interval of a parameter between two ends; where one failed, that of the curvature, and why.
+
+    See docs/physics.md#fit.
+    """
+    if isinstance(low, End) and isinstance(high, End):
+        return Limits(low=low.value, high=high.value, method="profile")
+    return curvature(fit, name, low if isinstance(low, str) else str(high))
 
 
 def curvature(fit: Fit, name: str, reason: str) -> Limits:

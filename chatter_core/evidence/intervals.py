@@ -20,6 +20,8 @@ EDGE_TOLERANCE = 0.03
 REFIT_GAIN = 0.05
 #: Refits that each end may take.
 MOST_REFITS = 10
+#: The lower end and the upper one.
+SIDES = (-1, 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +32,15 @@ class Interval:
     high: float
     low_is_open: bool
     high_is_open: bool
+    refits: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class End:
+    """One end of an interval, in the parameter's unit, open where a bound comes before the drop; refits it took."""
+
+    value: float
+    is_open: bool
     refits: int
 
 
@@ -46,19 +57,38 @@ def profile_interval(problem: Problem, fit: Fit, name: str, coverage: float = 0.
 
     See docs/physics.md#fit.
     """
+    return joined(*(profile_end(problem, fit, name, side, coverage) for side in SIDES))
+
+
+def profile_end(problem: Problem, fit: Fit, name: str, side: int, coverage: float = 0.9) -> End:
+    """Return one end of ``profile_interval``, the lower one for side -1 and the upper for +1; raises as that does.
+
+    See docs/physics.md#fit.
+    """
     index = position(problem.parameters, name)
     if fit.fixed[index]:
         raise InvalidInput([f"parameter {name}: it was fixed in the fit and has no interval"])
     if not 0.0 < coverage < 1.0:
         raise InvalidInput([f"coverage: found {coverage:g}, allowed: between 0 and 1"])
-    wanted = float(ndtri(0.5 * (1.0 + coverage)))
-    low, low_open, below = _end(problem, fit, index, -wanted)
-    high, high_open, above = _end(problem, fit, index, wanted)
-    return Interval(low=low, high=high, low_is_open=low_open, high_is_open=high_open, refits=below + above)
+    return _end(problem, fit, index, side * float(ndtri(0.5 * (1.0 + coverage))))
 
 
-def _end(problem: Problem, fit: Fit, index: int, wanted: float) -> tuple[float, bool, int]:
-    """Return one end, whether it is open, and the refits taken: where the root of twice the drop is ``wanted``."""
+def joined(low: End, high: End) -> Interval:
+    """Return the interval between two ends.
+
+    See docs/physics.md#fit.
+    """
+    return Interval(
+        low=low.value,
+        high=high.value,
+        low_is_open=low.is_open,
+        high_is_open=high.is_open,
+        refits=low.refits + high.refits,
+    )
+
+
+def _end(problem: Problem, fit: Fit, index: int, wanted: float) -> End:
+    """Return the end where the root of twice the drop is ``wanted``."""
     parameter = problem.parameters[index]
     bound = parameter.upper if wanted > 0.0 else parameter.lower
     values, drops = [float(fit.estimate[index])], [0.0]
@@ -69,13 +99,13 @@ def _end(problem: Problem, fit: Fit, index: int, wanted: float) -> tuple[float, 
         values.append(place)
         drops.append(np.copysign(drop, wanted))
         if abs(drops[-1] - wanted) < NEAR_END:
-            return _straight(values, drops, wanted, bound), False, refit
+            return End(value=_straight(values, drops, wanted, bound), is_open=False, refits=refit)
         if place == bound and drop < abs(wanted):
-            return place, True, refit
+            return End(value=place, is_open=True, refits=refit)
         following = _following(values, drops, wanted, halve=refit % 2 == 0)
         # A posterior with an edge drops there all at once.
         if abs(following - place) < EDGE_TOLERANCE * float(fit.standard_deviation[index]):
-            return following, False, refit
+            return End(value=following, is_open=False, refits=refit)
     raise NotConverged(f"the interval of {parameter.name} has no end within {MOST_REFITS} refits")
 
 
