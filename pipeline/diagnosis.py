@@ -12,7 +12,16 @@ from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, calibrate
 from chatter_core.evidence.assessment import Assessment, Limits, Version, curvature, version
 from chatter_core.evidence.belief import Belief, fitted
-from chatter_core.evidence.candidates import Candidate, Hypothesis, fit_hypothesis, look, pursue, refit, slope_of
+from chatter_core.evidence.candidates import (
+    Candidate,
+    Hypothesis,
+    fit_hypothesis,
+    ground,
+    look,
+    pursue,
+    refit,
+    slope_of,
+)
 from chatter_core.evidence.held_out import together
 from chatter_core.evidence.next_measurement import NextMeasurement, next_receptances, of_cut, other_cuts
 from chatter_core.evidence.next_trial import NextTrial, next_trial
@@ -216,7 +225,7 @@ def _ranking(
     client: Client | None, base: Hypothesis, candidates: Sequence[Candidate]
 ) -> tuple[Hypothesis, list[Ranked]]:
     """Return the base model and the ranking of nothing missing and single effects."""
-    fitted_with = partial(fit_hypothesis, base.comparison, nested=base, slope=slope_of(base))
+    fitted_with = partial(fit_hypothesis, base.comparison, nested=ground(base))
     near = spread(client, [Job(name=str(one), call=partial(fitted_with, [one])) for one in candidates])
     singles = _climbed(client, near)
     ranking = rank(base, singles)
@@ -287,11 +296,11 @@ def _pair(
     first = ranking[0]
     if first.name == NOTHING or not failed_checks(judged[first.name].failures):
         return None
-    named, slope = first.best, slope_of(first.best)
+    named, known = first.best, ground(first.best)
     looks = [
         Job(
             name=f"{first.name} and {one}",
-            call=partial(look, base.comparison, [*named.candidates, one], nested=named, slope=slope),
+            call=partial(look, base.comparison, [*named.candidates, one], nested=known),
         )
         for one in candidates
         if one.name != first.name

@@ -31,6 +31,8 @@ CLIMBED = 2
 #: from too, unless it promises less than this [nats]: where all else has bent to imitate an effect, a small one beside
 #: its null promises most.
 HOPELESS = -15.0
+#: A climb goes on from where smooth data have led where those, or all data, gain more than this by the effect [nats].
+LEAST_GAIN = 1.0
 #: What is ranked need not be known better than this [nats].
 LEFT_GAIN = 0.01
 
@@ -102,21 +104,54 @@ def slope_of(hypothesis: Hypothesis) -> Array:
     See docs/physics.md#diagnosis.
     """
     fit = hypothesis.fit
-    here = hypothesis.comparison.evaluate(fit.estimate)
     climb = Climb(hypothesis.comparison, ~fit.fixed)
+    here = hypothesis.comparison.evaluate(fit.estimate)
     return climb.derivatives(fit.estimate, here, np.asarray(fit.standard_deviation))[0]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ground:
+    """A fitted hypothesis from which further effects are looked for.
+
+    slope: as ``slope_of`` has it; smooth_gain: what a climb by its smooth data alone still gains in those, and
+    whole_gain what all data have gained where it ends, mostly a loss [nats].
+    """
+
+    hypothesis: Hypothesis
+    slope: Array
+    smooth_gain: float
+    whole_gain: float
+
+
+def ground(hypothesis: Hypothesis) -> Ground:
+    """Return a fitted hypothesis with what is to be known of it before effects are added.
+
+    See docs/physics.md#diagnosis.
+    """
+    fit, slope = hypothesis.fit, slope_of(hypothesis)
+    climb = Climb(hypothesis.comparison, ~fit.fixed)
+    height, here = climb.posterior(fit.estimate)
+    smooth = _smooth(climb)
+    end = smooth.approach(fit.estimate, START_GAIN, slope[_smooth_rows(here)])
+    return Ground(
+        hypothesis=hypothesis,
+        slope=slope,
+        smooth_gain=end.log_posterior - smooth.posterior(fit.estimate)[0],
+        whole_gain=climb.posterior(end.values)[0] - height,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Prospect:
     """What a model has to gain from one effect more, before it is fitted.
 
-    candidates: the last of them is new; climb; known: Jacobian (coordinate, parameter) of the model without it; added:
-    (parameter,) which are the new effect's own; at_null: the model with the effect at its null; starts: promises
-    over the null [nats], and places (parameter,).
+    candidates: the last of them is new; nested: the model without it; climb; known: its Jacobian (coordinate,
+    parameter); added: (parameter,) which are the new effect's own; at_null: the model with the effect at its null;
+    starts: promises over the null [nats], and places (parameter,).
     """
 
     candidates: tuple[Candidate, ...]
+    nested: Ground
     climb: Climb
     known: Array
     added: NDArray[np.bool_]
@@ -129,17 +164,16 @@ class Prospect:
         return max(promise for promise, _ in self.starts)
 
 
-def look(base: Comparison, candidates: Sequence[Candidate], nested: Hypothesis, slope: Array) -> Prospect:
+def look(base: Comparison, candidates: Sequence[Candidate], nested: Ground) -> Prospect:
     """Return what a model with effects has to gain over one that is nested in it.
 
-    slope: ``slope_of(nested)``. The last of the candidates is new: it is looked at with several strengths and shapes,
-    since a displaced resonance has no slope that would lead to it, and with everything else where the slope says that
-    it would go.
+    The last of the candidates is new: it is looked at with several strengths and shapes, since a displaced resonance
+    has no slope that would lead to it, and with everything else where the slope says that it would go.
 
     See docs/physics.md#diagnosis.
     """
     comparison, new = extended(base, candidates), candidates[-1]
-    own, known = carried(comparison, nested.fit), _in_order(comparison, nested.comparison, slope)
+    own, known = carried(comparison, nested.hypothesis.fit), _in_order(comparison, nested)
     added = np.array([parameter in new.term.parameters for parameter in comparison.parameters])
     climb = Climb(comparison, free_parameters(comparison, (), own))
     at_null = climb.stay(own, known, added)
@@ -147,7 +181,15 @@ def look(base: Comparison, candidates: Sequence[Candidate], nested: Hypothesis, 
         (climb.promise_of(at_null), own),
         *_promises(_Worth(climb, at_null, known, added), comparison, own, new, at_null.evaluation),
     ]
-    return Prospect(candidates=tuple(candidates), climb=climb, known=known, added=added, at_null=at_null, starts=starts)
+    return Prospect(
+        candidates=tuple(candidates),
+        nested=nested,
+        climb=climb,
+        known=known,
+        added=added,
+        at_null=at_null,
+        starts=starts,
+    )
 
 
 def pursue(prospect: Prospect) -> Hypothesis:
@@ -161,21 +203,41 @@ def pursue(prospect: Prospect) -> Hypothesis:
     climb, known, added, found = prospect.climb, prospect.known, prospect.added, prospect.at_null
     comparison = climb.problem
     assert isinstance(comparison, Comparison)
-    smooth, rows = Climb(comparison.smooth or comparison, climb.free), _smooth_rows(found.evaluation)
+    smooth, rows = _smooth(climb), _smooth_rows(found.evaluation)
     for start in _chosen(comparison, prospect.candidates[-1], prospect.starts):
         ahead = smooth.approach(start, START_GAIN, known[rows], added)
+        if not _leads_on(prospect, ahead):
+            continue
         end = climb.approach(ahead.values, START_GAIN, known, added)
         found = end if end.log_posterior > found.log_posterior + SMALLEST_PROMISE else found
     fit = result(comparison, found, climb.evaluations, -np.inf)
     return Hypothesis(candidates=prospect.candidates, comparison=comparison, fit=fit)
 
 
-def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Hypothesis, slope: Array) -> Hypothesis:
+def _smooth(climb: Climb) -> Climb:
+    """Return the climb of the smooth data alone, of all where none jump."""
+    comparison = climb.problem
+    assert isinstance(comparison, Comparison)
+    return Climb(comparison.smooth or comparison, climb.free)
+
+
+def _leads_on(prospect: Prospect, ahead: Maximum) -> bool:
+    """Return whether an effect has gained anything where a climb by the smooth data alone has ended.
+
+    Of those, or of all, and more than they gain by such a climb without it.
+    """
+    nested, null, climb = prospect.nested, prospect.at_null, prospect.climb
+    smooth = ahead.log_posterior - _smooth(climb).posterior(null.values)[0] - nested.smooth_gain
+    whole = climb.posterior(ahead.values)[0] - null.log_posterior - nested.whole_gain
+    return max(smooth, whole) > LEAST_GAIN
+
+
+def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Ground) -> Hypothesis:
     """Fit a model with effects, starting from one that is nested in it: ``look`` and ``pursue``.
 
     See docs/physics.md#diagnosis.
     """
-    return pursue(look(base, candidates, nested, slope))
+    return pursue(look(base, candidates, nested))
 
 
 def _promises(
@@ -272,11 +334,12 @@ def _smooth_rows(evaluation: Evaluation) -> NDArray[np.bool_]:
     return rows
 
 
-def _in_order(comparison: Comparison, nested: Comparison, slope: Array) -> Array:
+def _in_order(comparison: Comparison, nested: Ground) -> Array:
     """Return the slope of a nested model with the columns of another; what it does not know has none."""
-    place = {parameter.name: index for index, parameter in enumerate(nested.parameters)}
+    parameters = nested.hypothesis.comparison.parameters
+    place = {parameter.name: index for index, parameter in enumerate(parameters)}
     columns = [place.get(parameter.name, -1) for parameter in comparison.parameters]
-    return np.where(np.array(columns) >= 0, slope[:, columns], 0.0)
+    return np.where(np.array(columns) >= 0, nested.slope[:, columns], 0.0)
 
 
 def refit(hypothesis: Hypothesis, start: Fit) -> Hypothesis:

@@ -13,6 +13,7 @@ from chatter_core.evidence.candidates import (
     Hypothesis,
     extended,
     fit_hypothesis,
+    ground,
     refit,
     slope_of,
 )
@@ -66,7 +67,7 @@ def base_of(made):
 def damped():
     """Base model and both candidates on a campaign with process damping."""
     base = base_of(judged(COEFFICIENT))
-    return base, [fit_hypothesis(base.comparison, [one], base, slope_of(base)) for one in (PROCESS_DAMPING, ASYMMETRY)]
+    return base, [fit_hypothesis(base.comparison, [one], ground(base)) for one in (PROCESS_DAMPING, ASYMMETRY)]
 
 
 def test_a_hidden_effect_is_ranked_first_with_its_size(damped):
@@ -82,7 +83,7 @@ def test_a_hidden_effect_is_ranked_first_with_its_size(damped):
 
 def test_nothing_hidden_is_said_to_be_nothing():
     base = base_of(judged(0.0))
-    found = [fit_hypothesis(base.comparison, [one], base, slope_of(base)) for one in (PROCESS_DAMPING, ASYMMETRY)]
+    found = [fit_hypothesis(base.comparison, [one], ground(base)) for one in (PROCESS_DAMPING, ASYMMETRY)]
     ranking = rank(base, found)
     assert ranking[0].name == NOTHING
     # It starts at what is nested in it, and cannot end below, but for the density of its own prior.
@@ -99,7 +100,7 @@ def test_a_large_effect_is_found_to_either_side(difference, seed):
     truth = model.nulls
     truth[[p.name for p in model.parameters].index(ASYMMETRY.amplitudes[0].name)] = difference
     base = base_of(measured(plan, truth, np.random.default_rng(seed), (ASYMMETRY.term,)))
-    found = fit_hypothesis(base.comparison, [ASYMMETRY], base, slope_of(base))
+    found = fit_hypothesis(base.comparison, [ASYMMETRY], ground(base))
     free = free_parameters(found.comparison, (), truth)
     best = maximise(found.comparison, [truth], free, 1, LEFT_GAIN).log_posterior
     assert best > base.fit.log_posterior + 15.0
