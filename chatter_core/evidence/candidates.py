@@ -204,11 +204,12 @@ def pursue(prospect: Prospect) -> Hypothesis:
     comparison = climb.problem
     assert isinstance(comparison, Comparison)
     smooth, rows = _smooth(climb), _smooth_rows(found.evaluation)
+    still = smooth.posterior(found.values)[0]
     for start in _chosen(comparison, prospect.candidates[-1], prospect.starts):
-        ahead = smooth.approach(start, START_GAIN, known[rows], added)
-        if not _leads_on(prospect, ahead):
+        ahead = smooth.approach(start, START_GAIN, known[rows], added, still)
+        if not _leads_on(prospect, ahead, still):
             continue
-        end = climb.approach(ahead.values, START_GAIN, known, added)
+        end = climb.approach(ahead.values, START_GAIN, known, added, found.log_posterior)
         found = end if end.log_posterior > found.log_posterior + SMALLEST_PROMISE else found
     fit = result(comparison, found, climb.evaluations, -np.inf)
     return Hypothesis(candidates=prospect.candidates, comparison=comparison, fit=fit)
@@ -221,14 +222,15 @@ def _smooth(climb: Climb) -> Climb:
     return Climb(comparison.smooth or comparison, climb.free)
 
 
-def _leads_on(prospect: Prospect, ahead: Maximum) -> bool:
+def _leads_on(prospect: Prospect, ahead: Maximum, still: float) -> bool:
     """Return whether an effect has gained anything where a climb by the smooth data alone has ended.
 
-    Of those, or of all, and more than they gain by such a climb without it.
+    Of those, or of all, and more than they gain by such a climb without it; still: the height of the smooth data with
+    the effect at its null.
     """
-    nested, null, climb = prospect.nested, prospect.at_null, prospect.climb
-    smooth = ahead.log_posterior - _smooth(climb).posterior(null.values)[0] - nested.smooth_gain
-    whole = climb.posterior(ahead.values)[0] - null.log_posterior - nested.whole_gain
+    nested, there = prospect.nested, prospect.climb.posterior(ahead.values)[0]
+    smooth = ahead.log_posterior - still - nested.smooth_gain
+    whole = there - prospect.at_null.log_posterior - nested.whole_gain
     return max(smooth, whole) > LEAST_GAIN
 
 

@@ -116,21 +116,29 @@ class Climb:
         return self._end(here, gradient, information, converged, reason)
 
     def approach(
-        self, start: Array, smallest_gain: float, known: Array | None = None, added: NDArray[np.bool_] | None = None
+        self,
+        start: Array,
+        smallest_gain: float,
+        known: Array | None = None,
+        added: NDArray[np.bool_] | None = None,
+        least: float = -np.inf,
     ) -> Maximum:
         """Climb to near a maximum, where a step promises less than ``smallest_gain`` [nats], with one Jacobian.
 
         known: Jacobian (coordinate, parameter) not far from the start, in units of the priors' widths, of which the
         columns ``added`` (parameter,) are missing; without it, all are. What is missing is found at the start. The
-        Jacobian is corrected by what every step shows, and found anew where steps fall.
+        Jacobian is corrected by what every step shows, and found anew where steps fall. What then promises to end below
+        ``least`` is given up.
         """
         here, damping, falls = self._place(np.clip(start, self.lower, self.upper)), DAMPING, 0
         jacobian = self._jacobian(here, known, added)
-        length, blind = 1.0, False
+        length, blind, anew = 1.0, False, False
         for _ in range(MOST_STEPS):
             gradient, information = self.expected(here.values, here.evaluation, jacobian)
             moving = self.free & ~self._held(here.values, gradient)
             step, gain = _step(gradient, information, moving, damping)
+            if anew and here.height + gain < least:
+                break
             if gain < smallest_gain:
                 if not blind:
                     break
@@ -143,8 +151,9 @@ class Climb:
             if falls == FALLS:
                 break
             if falls == FALLS - 1:
-                jacobian, length = self.derivatives(here.values, here.evaluation, self.width)[0], 1.0
+                jacobian, length, anew = self.derivatives(here.values, here.evaluation, self.width)[0], 1.0, True
                 continue
+            anew = False
             shift = (there.values - here.values) / self.width
             jumped = _correct(jacobian, there.evaluation.coordinates - here.evaluation.coordinates, shift)
             length = 1.0 if risen else SHORTER * length
