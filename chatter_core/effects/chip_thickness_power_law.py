@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from chatter_core.cutting import SMALLEST_LAG, CuttingGain
 from chatter_core.effects._base import Effect
@@ -17,7 +18,7 @@ REFERENCE_CHIP = 1e-4
 #: Thinner than this a tooth rubs and cuts no thinner chip: a third of an edge radius of 10 um [m].
 LEAST_CHIP = 3e-6
 #: Gauss points along the engaged part of an edge: 1e-4 of K where an edge lies from no chip to the full one.
-EDGE_POINTS = 16
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,20 +44,23 @@ class PowerLawGain:
             for edge in range(math.floor(entry / turn), last + 1):
                 angle = phase + turn * edge
                 leaves, enters = (np.clip((angle - border) / steep, 0.0, 1.0) for border in (leave, entry))
-                gain += self._engaged(passage, angle, leaves, enters)
+                engaged = np.nonzero(enters > leaves)
+                if len(engaged[0]):
+                    gain[engaged] += self._of_edges(
+                        passage, engaged[0], *(one[engaged] for one in (angle, leaves, enters))
+                    )
         return gain.reshape(*time.shape, 2, 2)
 
-    def _engaged(self, passage: int, angle: Array, leaves: Array, enters: Array) -> Array:
-        """Return the integral over an edge between two shares of its height, all (point, time)."""
-        nodes, weights = np.polynomial.legendre.leggauss(EDGE_POINTS)
-        share = leaves[..., None] + (enters - leaves)[..., None] * 0.5 * (nodes + 1.0)
-        theta = angle[..., None] - self.cut.lag_angle[:, None, None] * share
+    def _of_edges(self, passage: int, point: NDArray[np.intp], angle: Array, leaves: Array, enters: Array) -> Array:
+        """Return the integrals (edge, 2, 2) over edges (edge,) of points, each between two shares of its height."""
+        share = leaves[:, None] + (enters - leaves)[:, None] * 0.5 * (NODES + 1.0)
+        theta = angle[:, None] - self.cut.lag_angle[point, None] * share
         chip = self.cut.passages.select(np.array([passage])).chip_thickness(theta, self.feed_per_tooth)
         thickness = np.hypot(np.maximum(chip, 0.0), LEAST_CHIP) / REFERENCE_CHIP
-        part = 0.5 * weights * self.exponent * thickness ** (self.exponent - 1.0)
-        part *= (self.cut.axial_depth[:, None] * (enters - leaves))[..., None]
+        part = 0.5 * WEIGHTS * self.exponent * thickness ** (self.exponent - 1.0)
+        part *= (self.cut.axial_depth[point] * (enters - leaves))[:, None]
         tangential, radial = (
-            np.broadcast_to(one, len(angle))[:, None]
+            np.broadcast_to(one, len(self.cut.axial_depth))[point]
             for one in (self.cut.coefficients.tangential, self.cut.coefficients.radial)
         )
         sine, cosine = np.sin(theta), np.cos(theta)
