@@ -1,15 +1,17 @@
 """The boundary of stability as a calibrated model has it, and how well the measurements fix it.
 
 ln|mu| is computed over speed and depth, and how far its parameters' uncertainty moves it, to first order: where
-ln|mu| is less than so many of its own deviations from zero, nobody knows whether a cut is stable.
+ln|mu| is less than so many of its own deviations from zero, nobody knows whether a cut is stable. Several motions may
+grow at once; one that surely does is enough.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from chatter_core.chain import structure
+from chatter_core.chain import Structure, structure
 from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.cuts import SMALLEST_RADIUS
 from chatter_core.evidence.parameters import Array
@@ -17,7 +19,7 @@ from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.evidence.stages import Indices, Stages
 from chatter_core.lobes import lobe_block
 from chatter_core.machine import Machine
-from chatter_core.stability import critical_multipliers
+from chatter_core.stability import branches, critical_multipliers
 
 #: Speeds and depths of a field, and of the coarser one over which its deviation is known.
 GRID, COARSE_GRID = (320, 96), (160, 48)
@@ -29,6 +31,10 @@ STEP = 0.03
 #: Where ln|mu| is farther than this from zero its deviation is not asked for, and told as none: there no parameter is
 #: so uncertain that it would matter.
 FAR = 1.0
+#: Unstable cells nearer to the boundary than so many deviations are looked at motion by motion, and so many of those.
+DOUBTFUL, MOTIONS = 3.0, 4
+#: No ln|mu| is told to be surer than this.
+LEAST_DEVIATION = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +43,8 @@ class Field:
 
     machine: as they were set up, otherwise as described; trials: (trial,) which ones; limits: (row,) which limit
     depths; spindle_speed [rad/s], axial_depth [m]; growth: (speed, depth), ln|mu|; deviation: its standard deviation,
-    0 farther than FAR from the boundary; both NaN where the model has no answer.
+    less where a slower motion grows more surely, 0 farther than FAR from the boundary; both NaN where the model has no
+    answer.
     """
 
     machine: Machine
@@ -115,25 +122,85 @@ def _growth_near_boundary(stages: Stages, model: CampaignModel, speed: Array, de
 def _deviation(model: CampaignModel, machine: Machine, known: Belief, speed: Array, depth: Array) -> Array:
     """Return the standard deviation of ln|mu| (speed, depth), to first order in the parameters; 0 where it is far."""
     at_speed, depths = np.repeat(np.arange(len(speed)), len(depth)), np.tile(depth, len(speed))
-    growth, slopes = _growth(model, machine, known.estimate, speed, at_speed, depths), []
-    near = np.abs(growth) < FAR
-    moved = [i for i, p in enumerate(model.parameters) if p.touches != "measurement" and known.deviation[i] > 0.0]
-    for index in moved:
-        aside = known.estimate.copy()
-        step = STEP * known.deviation[index]
-        aside[index] += step if aside[index] + step <= model.parameters[index].upper else -step
-        by = (aside[index] - known.estimate[index]) / known.deviation[index]
-        slopes.append((_growth(model, machine, aside, speed, at_speed[near], depths[near]) - growth[near]) / by)
+    cells = _Cells(model=model, machine=machine, speed=speed, index=at_speed, depth=depths)
+    growth = cells.growth(known.estimate)
     deviation = np.where(np.isnan(growth), np.nan, 0.0)
-    if moved:
-        slope, correlation = np.stack(slopes, axis=-1), known.correlation[np.ix_(moved, moved)]
-        deviation[near] = np.sqrt(np.maximum(np.einsum("ci,ij,cj->c", slope, correlation, slope), 0.0))
+    near = np.flatnonzero(np.abs(growth) < FAR)
+    asides = list(_asides(model, known))
+    if asides:
+        chosen = cells.select(near)
+        slope = np.stack([(chosen.growth(aside) - growth[near]) / by for _, aside, by in asides], axis=-1)
+        correlation = known.correlation[np.ix_(*2 * [[index for index, _, _ in asides]])]
+        deviation[near] = _spread(slope, correlation)
+        doubtful = np.flatnonzero((growth > 0.0) & (growth < DOUBTFUL * deviation))
+        sureness = _sureness(cells.select(doubtful), known.estimate, asides, correlation)
+        deviation[doubtful] = np.minimum(deviation[doubtful], growth[doubtful] / sureness)
     return deviation.reshape(len(speed), len(depth))
 
 
-def _growth(model: CampaignModel, machine: Machine, values: Array, speed: Array, index: Indices, depth: Array) -> Array:
-    """Return ln|mu| (cell,) of cells at a speed by its index and a depth."""
-    stages = model.stages(values, machine)
-    built = structure(stages, speed, mode_count=model.available(model.cut_modes))
-    multiplier = critical_multipliers(stages, built, index, depth, model.method, np.ones(len(index)))
-    return np.log(np.maximum(np.abs(multiplier), SMALLEST_RADIUS))
+def _asides(model: CampaignModel, known: Belief) -> Iterator[tuple[int, Array, float]]:
+    """Yield each uncertain parameter of a cut, values (parameter,) where it is moved, and by how many deviations."""
+    for index, parameter in enumerate(model.parameters):
+        if parameter.touches == "measurement" or known.deviation[index] == 0.0:
+            continue
+        aside, step = known.estimate.copy(), STEP * known.deviation[index]
+        aside[index] += step if aside[index] + step <= parameter.upper else -step
+        yield index, aside, (aside[index] - known.estimate[index]) / known.deviation[index]
+
+
+def _spread(slope: Array, correlation: Array) -> Array:
+    """Return standard deviations (...) of what has slopes (..., parameter) by parameters that correlate."""
+    return np.asarray(np.sqrt(np.maximum(np.einsum("...i,ij,...j->...", slope, correlation, slope), 0.0)))
+
+
+def _sureness(
+    cells: "_Cells", estimate: Array, asides: Sequence[tuple[int, Array, float]], correlation: Array
+) -> Array:
+    """Return by how many of its own deviations the surest of the growing motions grows (cell,).
+
+    A motion that grows fast and is doubtful may hide a slow one that is not: the cut is unstable either way.
+    """
+    growth, frequency = cells.motions(estimate)
+    slopes = []
+    # Motions that are missing have no number, those that die at once an infinite one; neither is a growing one.
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for _, aside, by in asides:
+            moved, heard = cells.motions(aside)
+            change = np.abs(np.log(heard[:, None, :] / frequency[:, :, None]))
+            # The same motion is the one that has changed least.
+            apart = np.abs(moved[:, None, :] - growth[:, :, None]) + change
+            same = np.where(np.isnan(apart), np.inf, apart).argmin(axis=2)
+            slopes.append((np.take_along_axis(moved, same, axis=1) - growth) / by)
+        deviation = _spread(np.stack(slopes, axis=-1), correlation)
+        sureness = np.where(growth > 0.0, growth / np.maximum(deviation, LEAST_DEVIATION), 0.0)
+    return np.asarray(np.nanmax(sureness, axis=1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Cells:
+    """Cells of a field: at a speed [rad/s] by its index, and a depth [m]."""
+
+    model: CampaignModel
+    machine: Machine
+    speed: Array
+    index: Indices
+    depth: Array
+
+    def select(self, kept: Indices) -> "_Cells":
+        """Return some of the cells."""
+        return replace(self, index=self.index[kept], depth=self.depth[kept])
+
+    def growth(self, values: Array) -> Array:
+        """Return ln|mu| (cell,) at values (parameter,)."""
+        stages, built = self._built(values)
+        method, ones = self.model.method, np.ones(len(self.index))
+        multiplier = critical_multipliers(stages, built, self.index, self.depth, method, ones)
+        return np.asarray(np.log(np.maximum(np.abs(multiplier), SMALLEST_RADIUS)))
+
+    def motions(self, values: Array) -> tuple[Array, Array]:
+        """Return ln|mu| and frequency [rad/s] of the fastest growing motions (cell, motion) at values (parameter,)."""
+        return branches(*self._built(values), self.index, self.depth, self.model.method, MOTIONS)
+
+    def _built(self, values: Array) -> tuple[Stages, Structure]:
+        stages = self.model.stages(values, self.machine)
+        return stages, structure(stages, self.speed, mode_count=self.model.available(self.model.cut_modes))
