@@ -140,6 +140,10 @@ class Cluster(Part):
         default=1500, ge=1, le=10_000_000, description="cells of a chunk; about a second at a millisecond a cell"
     )
 
+    time_limit: Annotated[float, Field(gt=0.0, le=1e7)] | None = Field(
+        default=None, alias="time_limit_s", description="seconds for a chunk, then its worker is ended; null: no limit"
+    )
+
     @model_validator(mode="after")
     def _keys_belong_to_kind(self) -> Self:
         if (self.kind == "address") != (self.address is not None):
@@ -148,6 +152,10 @@ class Cluster(Part):
             raise ValueError(f"address: found {self.address!r}, allowed: tcp://host:port (or tls, ws, wss)")
         if self.workers is not None and self.kind in ("serial", "address"):
             raise ValueError(f"workers: not allowed for kind '{self.kind}'")
+        if self.time_limit is not None and self.kind in ("serial", "threads"):
+            raise ValueError(
+                f"time_limit_s: not allowed for kind '{self.kind}': only a worker process of its own can be ended"
+            )
         return self
 
 

@@ -6,25 +6,18 @@ import signal
 import socket
 import sys
 import threading
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import numpy as np
 import yaml
 import zarr
-from distributed import Client, as_completed
-from distributed.scheduler import KilledWorker
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import FAILED, STATUS, WITH_RESULT
 from pipeline import report, store
-from pipeline.cluster import WORKER_PATIENCE, open_client, worker_count
+from pipeline.cluster import open_client
 from pipeline.configuration import (
     EFFECTS,
     EFFECTS_PATH,
@@ -33,23 +26,16 @@ from pipeline.configuration import (
     modal_parameters_of,
     sort_words,
 )
+from pipeline.dispatch import dispatched, signals
 from pipeline.errors import StorageFailed, WorkersLost
 from pipeline.locking import locked, remove_empty
 from pipeline.progress import Journal, Meter
 from pipeline.settings import Settings, differing_keys
-from pipeline.task import KERNEL, Record, Task, compute_chunk, compute_point
+from pipeline.task import KERNEL, Record, Task, compute_point
 
 OPTIONS = ("output", "retry_failed", EFFECTS, EFFECTS_PATH, "base")
-#: Tasks handed out beyond those being computed, for each worker.
-WINDOW = 3
-#: Attempts at a chunk whose worker died.
-RETRIES = 2
-#: Seconds to wait for the record of a task that has ended; it is lost when its worker died since.
-RESULT_PATIENCE = 10.0
 #: Seconds of compiling before it is said.
 COMPILING_PATIENCE = 1.0
-#: Seconds between two looks for tasks that have ended; a task takes about a second.
-POLL = 0.01
 
 
 class Stopped(Exception):
@@ -58,20 +44,6 @@ class Stopped(Exception):
     def __init__(self, number: int) -> None:
         self.number = number
         super().__init__(signal.Signals(number).name)
-
-
-@dataclass
-class Stopping:
-    """Remembers that a signal asked for the end; a second one ends at once."""
-
-    number: int = 0
-
-    def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Handle a signal."""
-        if self.number:
-            raise KeyboardInterrupt
-        self.number = number
-        print("\nstopping: waiting for the chunks in progress (once more to stop at once)", file=sys.stderr, flush=True)
 
 
 def run(words: list[str]) -> int:
@@ -155,14 +127,16 @@ def _compute(settings: Settings, path: Path, journal: Journal, retry_failed: boo
         return
     _append_history(group, f"{store.now()} {len(pending)} of {len(every)} chunks to compute")
     own = settings.effects_path
-    tasks = [Task(store=path.resolve(), chunk=chunk, kernel=kernel, effects_path=own) for chunk in pending]
+    tasks = [
+        Task(store=path.resolve(), chunk=chunk, kernel=kernel, effects_path=own, time_limit=settings.cluster.time_limit)
+        for chunk in pending
+    ]
     if settings.cluster.kind != "address":
         _compile_once(tasks[0])
-    with _signals() as stopping:
+    with signals() as stopping:
         try:
             with open_client(settings.cluster) as client, Meter(total, done) as meter:
-                results = _serial(tasks, stopping) if client is None else _distributed(tasks, client, stopping)
-                for record in results:
+                for record in dispatched(tasks, client, stopping):
                     _note(journal, record)
                     meter.advance(cells[record.chunk])
         except (RuntimeError, OSError) as error:
@@ -218,110 +192,6 @@ def _depths(group: zarr.Group) -> int:
 def _append_history(group: zarr.Group, line: str) -> None:
     history: Any = group.attrs["history"]
     group.attrs["history"] = [*history, line]
-
-
-@contextmanager
-def _signals() -> Iterator[Stopping]:
-    """Turn SIGINT and SIGTERM into a wish to stop, for as long as chunks are computed."""
-    stopping = Stopping()
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.signal(number, stopping) for number in numbers}
-    try:
-        yield stopping
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _serial(tasks: list[Task], stopping: Stopping) -> Iterator[Record]:
-    for task in tasks:
-        if stopping.number:
-            return
-        yield compute_chunk(task)
-
-
-def _distributed(tasks: list[Task], client: Client, stopping: Stopping) -> Iterator[Record]:
-    """Hand out tasks in a bounded window, so that the scheduler stays small however many there are.
-
-    A worker that dies puts all tasks it held under suspicion; each of those is tried again alone.
-    """
-    waiting, suspects = iter(tasks), list[Task]()
-    window = worker_count(client) * (1 + WINDOW)
-    running = as_completed()
-    owner: dict[str, Task] = {}
-
-    def hand_out() -> None:
-        task = None if stopping.number else next(waiting, None)
-        if task is not None:
-            future = client.submit(compute_chunk, task, pure=False, retries=RETRIES)
-            owner[future.key] = task
-            running.add(future)
-
-    for _ in range(window):
-        hand_out()
-    while owner:
-        _wait_for_one(running, client)
-        future = next(running)
-        task = owner.pop(future.key)
-        if not future.cancelled():
-            record = _record_of(future)
-            if record is None:
-                suspects.append(task)
-            else:
-                yield record
-        if stopping.number and owner:
-            # What no worker has begun is taken back; what is in progress is waited for.
-            begun = {key for keys in client.processing().values() for key in keys}
-            for other in list(running.futures):
-                if other.key not in begun:
-                    other.cancel()
-        hand_out()
-    for task in suspects:
-        if not stopping.number:
-            yield _alone(task, client)
-
-
-def _wait_for_one(running: as_completed, client: Client) -> None:
-    """Wait until a task has ended.
-
-    Raises WorkersLost when there was no worker for WORKER_PATIENCE seconds, where as_completed
-    alone would wait for ever.
-    """
-    seen = looked = time.monotonic()
-    while not running.has_ready():
-        time.sleep(POLL)
-        now = time.monotonic()
-        if now - looked > 1.0:
-            looked = now
-            if client.nthreads():
-                seen = now
-            elif now - seen > WORKER_PATIENCE:
-                raise WorkersLost(
-                    f"cluster: no worker for {WORKER_PATIENCE} s; nothing is lost, the same command goes on"
-                )
-
-
-def _record_of(future: Any) -> Record | None:
-    """Return the record of a task that has ended, None where its workers died or took it with them."""
-    try:
-        record: Record = future.result(timeout=RESULT_PATIENCE)
-        return record
-    except (KilledWorker, TimeoutError):
-        return None
-
-
-def _alone(task: Task, client: Client) -> Record:
-    """Compute a chunk with nothing beside it, so that a worker's death is its own; then it is marked."""
-    future = client.submit(compute_chunk, task, pure=False)
-    running = as_completed([future])
-    _wait_for_one(running, client)
-    record = _record_of(future)
-    if record is not None:
-        return record
-    store.mark_chunk(task.store, task.chunk, STATUS["worker_lost"])
-    lost = store.status_of(store.open_group(task.store), task.chunk).size
-    text = "the worker died on this chunk alone: killed from outside, or out of memory"
-    return Record(chunk=task.chunk, counts={"worker_lost": lost}, seconds=0.0, errors=(text,))
 
 
 def _mark_damaged(path: Path, group: zarr.Group) -> None:

@@ -20,6 +20,7 @@ from chatter_core.variables import STATUS, SWEEP
 from pipeline import store
 from pipeline.settings import model_with
 from pipeline.store import Chunk
+from pipeline.time_limit import limited
 
 Kernel = Callable[..., LobeBlock]
 #: Module and function of the physics that a task computes.
@@ -31,12 +32,14 @@ class Task:
     """One chunk of a store; ``kernel`` names module and function that compute it.
 
     effects_path: folder with effects of the user's own, as the command line named it; a store never does.
+    time_limit: seconds after which the worker's process ends with everything in it, none: never.
     """
 
     store: Path
     chunk: Chunk
     kernel: str = KERNEL
     effects_path: Path | None = None
+    time_limit: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +96,8 @@ def compute_chunk(task: Task) -> Record:
             **common,
         )
 
-    block, errors = _guarded(compute, speed, len(depth))
+    with limited(task.time_limit):
+        block, errors = _guarded(compute, speed, len(depth))
     store.write_chunk(task.store, task.chunk, block)
     names = {code: name for name, code in STATUS.items()}
     codes, counts = np.unique(block.status, return_counts=True)
