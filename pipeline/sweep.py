@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 import zarr
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import FAILED, STATUS, WITH_RESULT
-from pipeline import report, store
+from pipeline import metadata, report, store
 from pipeline.cluster import open_client
 from pipeline.configuration import (
     EFFECTS,
@@ -34,6 +33,8 @@ from pipeline.settings import Settings, differing_keys
 from pipeline.task import KERNEL, Record, Task, compute_point
 
 OPTIONS = ("output", "retry_failed", EFFECTS, EFFECTS_PATH, "base")
+#: What is in a folder whose study was being created when the run was killed.
+OF_A_CREATION = (".lock", "lock.json", "lobes.zarr", metadata.COPY, f"{metadata.COPY}.partial")
 #: Seconds of compiling before it is said.
 COMPILING_PATIENCE = 1.0
 
@@ -80,22 +81,37 @@ def execute(
             if not existed:
                 remove_empty(output)
             raise
-        journal = Journal(output / "journal.jsonl")
-        journal.write("start", argv=argv or [], pid=os.getpid(), host=socket.gethostname())
-        try:
-            _compute(settings, path, journal, retry_failed, kernel)
-        except Stopped as stop:
-            journal.write("stopped", signal=str(stop))
-            again = f"python -m pipeline sweep {' '.join(argv)}" if argv else "the same command"
-            print(f"stopped; nothing is lost. Go on with: {again}", file=sys.stderr)
-            return 128 + stop.number
-        except OSError as error:
-            # The disk is full, or the folder has gone away: what was computed before is in the store.
-            raise StorageFailed(
-                f"{error.filename or path}: {error.strerror or error}; what was computed is kept, "
-                "the same command goes on once there is room"
-            ) from None
-        return _finish(output, path, journal)
+        return carry_on(settings, output, retry_failed=retry_failed, argv=argv, kernel=kernel)
+
+
+def carry_on(
+    settings: Settings,
+    output: Path,
+    *,
+    retry_failed: bool = False,
+    argv: list[str] | None = None,
+    kernel: str = KERNEL,
+) -> int:
+    """Compute what is missing in a store that is there and belongs to the settings, and whose folder is locked.
+
+    Returns and raises what ``execute`` does.
+    """
+    path, journal = output / "lobes.zarr", Journal(output / "journal.jsonl")
+    journal.write("start", argv=argv or [], pid=os.getpid(), host=socket.gethostname())
+    try:
+        _compute(settings, path, journal, retry_failed, kernel)
+    except Stopped as stop:
+        journal.write("stopped", signal=str(stop))
+        again = f"python -m pipeline sweep {' '.join(argv)}" if argv else "the same command"
+        print(f"stopped; nothing is lost. Go on with: {again}", file=sys.stderr)
+        return 128 + stop.number
+    except OSError as error:
+        # The disk is full, or the folder has gone away: what was computed before is in the store.
+        raise StorageFailed(
+            f"{error.filename or path}: {error.strerror or error}; what was computed is kept, "
+            "the same command goes on once there is room"
+        ) from None
+    return _finish(output, path, journal)
 
 
 def _prepare(settings: Settings, output: Path, path: Path, argv: list[str]) -> None:
@@ -110,11 +126,11 @@ def _prepare(settings: Settings, output: Path, path: Path, argv: list[str]) -> N
             raise InvalidInput([f"{output}: holds a study with other settings; they differ in: {shown}"])
         store.clear_partial(path)
         return
-    if any(entry.name not in (".lock", "lock.json", "lobes.zarr") for entry in output.iterdir()):
+    if any(entry.name not in OF_A_CREATION for entry in output.iterdir()):
         raise InvalidInput([f"{output}: holds files that are no study; choose an empty folder with output=DIR"])
     # The record is written after the template, so a template that was cut short is made again.
     store.create(path, settings, argv)
-    record.write_text(yaml.safe_dump({"study": settings.study, **settings.scientific()}, sort_keys=False))
+    record.write_text(settings.record())
 
 
 def _compute(settings: Settings, path: Path, journal: Journal, retry_failed: bool, kernel: str) -> None:
@@ -125,7 +141,8 @@ def _compute(settings: Settings, path: Path, journal: Journal, retry_failed: boo
     total, done = sum(cells.values()), sum(cells.values()) - sum(cells[chunk] for chunk in pending)
     if not pending:
         return
-    _append_history(group, f"{store.now()} {len(pending)} of {len(every)} chunks to compute")
+    history = [*metadata.attributes(path)["history"], f"{store.now()} {len(pending)} of {len(every)} chunks to compute"]
+    metadata.update(path, history=history)
     own = settings.effects_path
     tasks = [
         Task(store=path.resolve(), chunk=chunk, kernel=kernel, effects_path=own, time_limit=settings.cluster.time_limit)
@@ -180,7 +197,7 @@ def _is_pending(path: Path, group: zarr.Group, chunk: store.Chunk, retry_failed:
     status = store.readable_status(group, chunk)
     if (status == STATUS["pending"]).any() or (retry_failed and np.isin(status, FAILED).any()):
         return True
-    return bool(np.isin(status, WITH_RESULT).any()) and store.lost_part(path, group, chunk) is not None
+    return bool(np.isin(status, WITH_RESULT).any()) and bool(store.lost_parts(path, group, chunk))
 
 
 def _depths(group: zarr.Group) -> int:
@@ -189,20 +206,15 @@ def _depths(group: zarr.Group) -> int:
     return int(status.shape[-1])
 
 
-def _append_history(group: zarr.Group, line: str) -> None:
-    history: Any = group.attrs["history"]
-    group.attrs["history"] = [*history, line]
-
-
 def _mark_damaged(path: Path, group: zarr.Group) -> None:
     """Mark chunks that cannot be read as pending; raise InvalidInput naming them when there are any."""
-    damaged = [(chunk, store.unreadable_part(group, chunk)) for chunk in store.chunks(group)]
-    damaged = [(chunk, part) for chunk, part in damaged if part is not None]
+    damaged = [(chunk, store.unreadable_parts(group, chunk)) for chunk in store.chunks(group)]
+    damaged = [(chunk, parts) for chunk, parts in damaged if parts]
     for chunk, _ in damaged:
         store.mark_chunk(path, chunk, STATUS["pending"])
     if damaged:
-        group.attrs["complete"] = False
-        where = ", ".join(f"{part} of speeds {chunk.first} to {chunk.last - 1}" for chunk, part in damaged[:4])
+        metadata.update(path, complete=False)
+        where = ", ".join(f"{parts[0]} of speeds {chunk.first} to {chunk.last - 1}" for chunk, parts in damaged[:4])
         raise InvalidInput(
             [
                 f"{path}: {len(damaged)} chunks are damaged ({where}) and count as pending now; "
@@ -220,7 +232,7 @@ def _finish(output: Path, path: Path, journal: Journal) -> int:
     )
     counts = {name: int(tally[code]) for name, code in STATUS.items() if tally[code]}
     failed = {name: count for name, count in counts.items() if STATUS[name] not in WITH_RESULT}
-    group.attrs["complete"] = "pending" not in counts
+    metadata.update(path, complete="pending" not in counts)
     try:
         written = report.write(output)
     except InvalidInput:
