@@ -136,7 +136,7 @@ def _prepare(settings: Settings, output: Path, path: Path, argv: list[str]) -> N
 def _compute(settings: Settings, path: Path, journal: Journal, retry_failed: bool, kernel: str) -> None:
     group = store.open_group(path)
     every = store.chunks(group)
-    pending = [chunk for chunk in every if _is_pending(path, group, chunk, retry_failed)]
+    pending = [chunk for chunk in every if _becomes_pending(path, group, chunk, retry_failed)]
     cells = {chunk: (chunk.last - chunk.first) * _depths(group) for chunk in every}
     total, done = sum(cells.values()), sum(cells.values()) - sum(cells[chunk] for chunk in pending)
     if not pending:
@@ -193,11 +193,16 @@ def _note(journal: Journal, record: Record) -> None:
     )
 
 
-def _is_pending(path: Path, group: zarr.Group, chunk: store.Chunk, retry_failed: bool) -> bool:
+def _becomes_pending(path: Path, group: zarr.Group, chunk: store.Chunk, retry_failed: bool) -> bool:
+    """Return whether a chunk is to be computed; what a store holds of it counts no more then."""
     status = store.readable_status(group, chunk)
-    if (status == STATUS["pending"]).any() or (retry_failed and np.isin(status, FAILED).any()):
+    if (status == STATUS["pending"]).any():
         return True
-    return bool(np.isin(status, WITH_RESULT).any()) and bool(store.lost_parts(path, group, chunk))
+    failed = retry_failed and bool(np.isin(status, FAILED).any())
+    if failed or (np.isin(status, WITH_RESULT).any() and store.lost_parts(path, group, chunk)):
+        store.mark_chunk(path, chunk, STATUS["pending"])
+        return True
+    return False
 
 
 def _depths(group: zarr.Group) -> int:
