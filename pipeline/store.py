@@ -32,6 +32,8 @@ from chatter_core.variables import CELL_STATUS, STRUCTURE, SWEEP, Variable
 from pipeline import metadata
 from pipeline.settings import Settings
 
+#: What the functions here take that read.
+Group = zarr.Group
 OUTER = 3  # dimensions before the speed: modal parameters, preload, mode count
 COORDINATES = {
     "modal_parameters": ("", "bearings at the spindle's speed (dynamic) or at standstill (static)"),

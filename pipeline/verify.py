@@ -8,7 +8,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import yaml
-import zarr
 
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS, STRUCTURE, WITH_RESULT
@@ -81,7 +80,7 @@ def damage(output: Path) -> Damage:
     if documents:
         # Nothing can be read by documents that are wrong.
         return Damage(documents=documents, fixed=[], chunks={}, settings=False)
-    group = zarr.open_group(path, mode="r", use_consolidated=False)
+    group = store.open_group(path)
     fixed = [name for name in (*store.COORDINATES, *STRUCTURE) if not _reads(group, name)]
     every, chunks = store.chunks(group), dict[store.Chunk, list[str]]()
     with Meter(len(every), 0, "chunks") as meter:
@@ -114,7 +113,7 @@ def repair(output: Path, found: Damage, own: Path | None, argv: list[str], clust
     return sweep.carry_on(settings, output, argv=argv)
 
 
-def _reads(group: zarr.Group, name: str) -> bool:
+def _reads(group: store.Group, name: str) -> bool:
     try:
         store.whole(group, name)
     except ValueError:
@@ -122,7 +121,7 @@ def _reads(group: zarr.Group, name: str) -> bool:
     return True
 
 
-def _unreadable(path: Path, group: zarr.Group, chunk: store.Chunk) -> list[str]:
+def _unreadable(path: Path, group: store.Group, chunk: store.Chunk) -> list[str]:
     """Return the variables of a chunk that cannot be read back, or are gone although there is a result."""
     parts = store.unreadable_parts(group, chunk)
     has_result = "status" not in parts and bool(np.isin(store.status_of(group, chunk), WITH_RESULT).any())
