@@ -8,7 +8,7 @@ SEEDS  ?= test
 FOLDER ?= results/blind
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep point compare diagnose improve predict identify paper tutorial template report status bench blind test clean
+.PHONY: help run sweep point compare diagnose improve predict identify paper tutorial template report status verify bench blind soak test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -56,11 +56,18 @@ report: $(VENV)/.installed ## write tables, figures and page of a finished study
 status: $(VENV)/.installed ## how far a study is, by ARGS=output=DIR
 	$(BIN)/python -m pipeline status $(ARGS)
 
+verify: $(VENV)/.installed ## read a computed study back, by ARGS="output=DIR repair=true"
+	$(BIN)/python -m pipeline verify $(ARGS)
+
 bench: $(VENV)/.installed ## speed and error beside the textbook's method, into results/bench.md
 	$(BIN)/python -m benchmarks $(ARGS)
 
 blind: $(VENV)/.installed ## hidden effects diagnosed blind and judged, into FOLDER (many hours; goes on where it was interrupted)
 	$(BIN)/python -m benchmarks.blind $(SEEDS) $(FOLDER) $(ARGS)
+
+soak: $(VENV)/.installed-test ## a study of 2000 chunks killed 20 times and resumed, into results/soak (some minutes)
+	rm -rf results/soak
+	$(BIN)/python -m tests.soak results/soak $(ARGS)
 
 test: $(VENV)/.installed-test ## style, types, import contracts and all tests
 	$(BIN)/ruff check .

@@ -13,10 +13,18 @@ DIMENSIONS = ("modal_parameters", "preload", "mode_count", "spindle_speed", "axi
 
 #: Outcome of one grid cell. A cell that was never computed is 0: a store is complete when none is left.
 #: An interpolated cell lies between depths that were computed.
-STATUS = {"pending": 0, "ok": 1, "not_converged": 2, "outside_validity": 3, "worker_lost": 4, "interpolated": 5}
+STATUS = {
+    "pending": 0,
+    "ok": 1,
+    "not_converged": 2,
+    "outside_validity": 3,
+    "worker_lost": 4,
+    "interpolated": 5,
+    "timed_out": 6,
+}
 #: Those with a result, and those that leave a cell without a result.
 WITH_RESULT = (STATUS["ok"], STATUS["interpolated"])
-FAILED = tuple(STATUS[name] for name in ("not_converged", "outside_validity", "worker_lost"))
+FAILED = tuple(STATUS[name] for name in ("not_converged", "outside_validity", "worker_lost", "timed_out"))
 
 #: How stability is lost, from the critical multiplier.
 BIFURCATION = {"none": 0, "hopf": 1, "flip": 2, "fold": 3}

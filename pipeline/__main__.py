@@ -28,6 +28,7 @@ VERBS = {
     "paper": "the paper's findings on the reference machine: figures P1 to P9 and a table of what holds",
     "template": "write an empty measurement campaign to fill in, every file, key and column explained",
     "report": "write tables, figures and report of a computed study again",
+    "verify": "read every byte of a computed study back, name what is damaged, and make it anew with repair=true",
     "status": "how far a study is that is being computed, or was: done, failed, rate, time left",
 }
 
@@ -54,6 +55,7 @@ examples
   python -m pipeline predict campaign=my_campaign model=model.yaml trials=plan.csv predictions=out.csv
   python -m pipeline report output=results/smoke-1234abcd
   python -m pipeline status output=results/smoke-1234abcd
+  python -m pipeline verify output=results/smoke-1234abcd repair=true
 
 groups and their choices
 {groups}
@@ -77,6 +79,7 @@ options of verbs
   template  output=DIR
   report    output=DIR
   status    output=DIR, format=text|json
+  verify    output=DIR, repair=true, effects_path=DIR
 
 exit codes: 0 all well, 1 some points failed and are marked, 2 bad input, 3 store in use
 """

@@ -17,23 +17,23 @@ LINE_INTERVAL = 10.0
 
 
 class Meter:
-    """Count cells done, with rate and time left: a bar on a terminal, plain lines elsewhere (stderr)."""
+    """Count cells done, or others, with rate and time left: a bar on a terminal, plain lines elsewhere (stderr)."""
 
-    def __init__(self, total: int, done: int) -> None:
-        self.total, self.begun_with, self.done = total, done, done
+    def __init__(self, total: int, done: int, what: str = "cells") -> None:
+        self.total, self.begun_with, self.done, self.what = total, done, done, what
         self.started = self.last_line = time.monotonic()
         console = Console(stderr=True)
         self.bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
-            TextColumn("{task.fields[rate]:>8.0f} cells/s"),
+            TextColumn(f"{{task.fields[rate]:>8.0f}} {what}/s"),
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
             console=console,
         ) if console.is_terminal else None  # fmt: skip
-        self.task = self.bar.add_task("cells", total=total, completed=done, rate=0.0) if self.bar else None
+        self.task = self.bar.add_task(what, total=total, completed=done, rate=0.0) if self.bar else None
 
     def __enter__(self) -> Self:
         if self.bar:
@@ -51,20 +51,17 @@ class Meter:
         """Cells a second since the start of this run."""
         return (self.done - self.begun_with) / max(time.monotonic() - self.started, 1e-9)
 
-    def advance(self, cells: int) -> None:
-        """Count cells as done."""
-        self.done += cells
+    def advance(self, count: int) -> None:
+        """Count some as done."""
+        self.done += count
         if self.bar and self.task is not None:
             self.bar.update(self.task, completed=self.done, rate=self.rate)
         elif time.monotonic() - self.last_line >= LINE_INTERVAL or self.done == self.total:
             self.last_line = time.monotonic()
             left = (self.total - self.done) / max(self.rate, 1e-9)
             share = 100.0 * self.done / self.total
-            print(
-                f"{self.done} of {self.total} cells ({share:.0f} %), {self.rate:.0f} cells/s, {left:.0f} s left",
-                file=sys.stderr,
-                flush=True,
-            )
+            how_far = f"{self.done} of {self.total} {self.what} ({share:.0f} %)"
+            print(f"{how_far}, {self.rate:.0f} {self.what}/s, {left:.0f} s left", file=sys.stderr, flush=True)
 
 
 class Journal:

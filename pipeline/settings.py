@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from chatter_core.effects import activate, apply_effects, own_digest, own_effects
 from chatter_core.errors import InvalidInput
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import LEAST_PRELOAD, MOST_PRELOAD, Machine, no_truth_value
+from chatter_core.reading import sentences
 from chatter_core.stages import Stages
 from chatter_core.variables import MODAL_PARAMETERS
 
@@ -140,6 +142,10 @@ class Cluster(Part):
         default=1500, ge=1, le=10_000_000, description="cells of a chunk; about a second at a millisecond a cell"
     )
 
+    time_limit: Annotated[float, Field(gt=0.0, le=1e7)] | None = Field(
+        default=None, alias="time_limit_s", description="seconds for a chunk, then its worker is ended; null: no limit"
+    )
+
     @model_validator(mode="after")
     def _keys_belong_to_kind(self) -> Self:
         if (self.kind == "address") != (self.address is not None):
@@ -148,6 +154,10 @@ class Cluster(Part):
             raise ValueError(f"address: found {self.address!r}, allowed: tcp://host:port (or tls, ws, wss)")
         if self.workers is not None and self.kind in ("serial", "address"):
             raise ValueError(f"workers: not allowed for kind '{self.kind}'")
+        if self.time_limit is not None and self.kind in ("serial", "threads"):
+            raise ValueError(
+                f"time_limit_s: not allowed for kind '{self.kind}': only a worker process of its own can be ended"
+            )
         return self
 
 
@@ -206,10 +216,38 @@ class Settings(Part):
             **({"own_effects": digests} if (digests := own_digests(self.effects, self.effects_path)) else {}),
         }
 
+    def record(self) -> str:
+        """Return study and scientific settings as yaml."""
+        return yaml.safe_dump({"study": self.study, **self.scientific()}, sort_keys=False)
+
     def fingerprint(self) -> str:
         """Return a digest of the scientific settings."""
         canonical = json.dumps(self.scientific(), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def recorded(attributes: dict[str, Any], own: Path | None, cluster: Cluster) -> Settings:
+    """Return the settings that the attributes of a store hold, to be computed on a cluster.
+
+    own: folder with the user's own effects. Raises InvalidInput where they are not followed by this version of the
+    program, or by the effects of that folder, as they were when the store was made.
+    """
+    said = {key: attributes["settings"][key] for key in ("machine", "grid", "method")}
+    effects = attributes["settings"].get("effects", {})
+    try:
+        found = Settings.model_validate(
+            {"study": attributes["study"], **said, "effects": effects, "effects_path": own, "cluster": cluster}
+        )
+    except ValidationError as error:
+        raise InvalidInput(sentences(error, Settings)) from None
+    if found.fingerprint() != attributes["fingerprint"]:
+        raise InvalidInput(
+            [
+                f"study {attributes['study']}: its settings are not read as they were written: it is of another "
+                "version of the program, or of an effect of the user's own (effects_path=DIR)"
+            ]
+        )
+    return found
 
 
 def own_digests(effects: Iterable[str], own: Path | None) -> dict[str, str]:

@@ -29,8 +29,11 @@ from chatter_core.lobes import CROSSINGS, LobeBlock
 from chatter_core.tip import AXES
 from chatter_core.units import SUFFIXES
 from chatter_core.variables import CELL_STATUS, STRUCTURE, SWEEP, Variable
+from pipeline import metadata
 from pipeline.settings import Settings
 
+#: What the functions here take that read.
+Group = zarr.Group
 OUTER = 3  # dimensions before the speed: modal parameters, preload, mode count
 COORDINATES = {
     "modal_parameters": ("", "bearings at the spindle's speed (dynamic) or at standstill (static)"),
@@ -92,8 +95,13 @@ def create(path: Path, settings: Settings, argv: list[str]) -> None:
     block = max(1, min(len(values["spindle_speed"]), settings.cluster.cells_per_task // depths))
     for name, variable in {**SWEEP, "status": CELL_STATUS}.items():
         _variable(group, name, variable, values, whole=False, block=block)
-    group.attrs.update(
-        {
+    with warnings.catch_warnings():
+        # Not yet in Zarr's specification, but what xarray looks for first, and a copy of what the arrays say.
+        warnings.simplefilter("ignore", ZarrUserWarning)
+        zarr.consolidate_metadata(path)
+    metadata.update(
+        path,
+        **{
             "Conventions": "CF-1.11",
             "title": f"Stability lobes of study {settings.study}",
             "study": settings.study,
@@ -103,12 +111,8 @@ def create(path: Path, settings: Settings, argv: list[str]) -> None:
             "history": [],
             "complete": False,
             **provenance(argv),
-        }
+        },
     )
-    with warnings.catch_warnings():
-        # Not yet in Zarr's specification, but what xarray looks for first.
-        warnings.simplefilter("ignore", ZarrUserWarning)
-        zarr.consolidate_metadata(path)
 
 
 def _structure(settings: Settings, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -225,34 +229,40 @@ def check(path: Path) -> zarr.Group:
 
     Raises InvalidInput, naming what is missing or damaged.
     """
-    try:
+    wrong = [f"{place} {why}" for place, why in metadata.problems(path).items()]
+    if not wrong:
         group = zarr.open_group(path, mode="r", use_consolidated=False)
-        _check_parts(group)
-    except (ValueError, TypeError, AttributeError, KeyError, OSError, RuntimeError) as error:
-        reason = str(error).strip("'\"").splitlines()[0] if str(error) else type(error).__name__
+        wrong = _unusable_parts(group)
+    if wrong:
         raise InvalidInput(
-            [f"{path}: the store is damaged beyond its chunks: {reason}; choose another folder with output=DIR"]
-        ) from None
+            [
+                f"{path}: the store is damaged beyond its chunks: {what}; restored by: python -m pipeline verify "
+                f"output={path.parent} repair=true"
+                for what in wrong
+            ]
+        )
     return group
 
 
-def _check_parts(group: zarr.Group) -> None:
-    attributes = group.attrs.asdict()
-    for name, kind in (("fingerprint", str), ("settings", dict), ("speeds_per_chunk", int), ("history", list)):
-        if not isinstance(attributes.get(name), kind):
-            raise ValueError(f"attribute {name} is missing or not as it was written")
-    if int(str(attributes["speeds_per_chunk"])) < 1:
-        raise ValueError("attribute speeds_per_chunk is not as it was written")
-    sizes = {name: len(_whole(group, name)) for name in COORDINATES}
-    for name, variable in {**STRUCTURE, **SWEEP, "status": CELL_STATUS}.items():
-        if name not in group or _array_of(group, name).shape != tuple(sizes[dim] for dim in variable.dims):
-            raise ValueError(f"variable {name} is missing or not as it was written")
-    for name in STRUCTURE:
-        _whole(group, name)
+def _unusable_parts(group: zarr.Group) -> list[str]:
+    """Return what is wrong with the arrays of a store that are not written chunk by chunk, and which are missing."""
+    unreadable, sizes = [], dict[str, int]()
+    for name in (*COORDINATES, *STRUCTURE):
+        try:
+            sizes[name] = len(whole(group, name))
+        except ValueError as error:
+            unreadable.append(str(error))
+    if unreadable:
+        return unreadable
+    return [
+        f"variable {name} is missing or not as it was written"
+        for name, variable in {**SWEEP, "status": CELL_STATUS}.items()
+        if name not in group or _array_of(group, name).shape != tuple(sizes[dim] for dim in variable.dims)
+    ]
 
 
-def _whole(group: zarr.Group, name: str) -> np.ndarray:
-    """Read an array in one piece; raise ValueError naming it when that fails."""
+def whole(group: zarr.Group, name: str) -> np.ndarray:
+    """Return an array, read in one piece; raise ValueError naming it when that fails."""
     try:
         return np.asarray(_array_of(group, name)[...])
     except (ValueError, RuntimeError, KeyError, TypeError) as error:
@@ -265,24 +275,25 @@ def _array_of(group: zarr.Group, name: str) -> zarr.Array[Any]:
     return array
 
 
-def lost_part(path: Path, group: zarr.Group, chunk: Chunk) -> str | None:
-    """Return the variable of a computed chunk whose file is gone, None when all are there."""
-    block = int(str(group.attrs["speeds_per_chunk"]))
+def lost_parts(path: Path, group: zarr.Group, chunk: Chunk) -> list[str]:
+    """Return the variables of a computed chunk whose file is gone."""
+    block, lost = int(str(group.attrs["speeds_per_chunk"])), []
     for name, variable in SWEEP.items():
         place = [*chunk.outer, chunk.first // block, *(0 for _ in variable.dims[OUTER + 1 :])]
         if not (path / name / "c").joinpath(*map(str, place)).exists():
-            return name
-    return None
+            lost.append(name)
+    return lost
 
 
-def unreadable_part(group: zarr.Group, chunk: Chunk) -> str | None:
-    """Return the variable of a chunk that cannot be read back, None when all can."""
+def unreadable_parts(group: zarr.Group, chunk: Chunk) -> list[str]:
+    """Return the variables of a chunk that cannot be read back."""
+    unreadable = []
     for name in (*SWEEP, "status"):
         try:
             _array_of(group, name)[chunk.region]
         except (ValueError, RuntimeError):  # checksum, decompression
-            return name
-    return None
+            unreadable.append(name)
+    return unreadable
 
 
 def clear_partial(path: Path) -> None:

@@ -6,25 +6,17 @@ import signal
 import socket
 import sys
 import threading
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import numpy as np
-import yaml
 import zarr
-from distributed import Client, as_completed
-from distributed.scheduler import KilledWorker
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import FAILED, STATUS, WITH_RESULT
-from pipeline import report, store
-from pipeline.cluster import WORKER_PATIENCE, open_client, worker_count
+from pipeline import metadata, report, store
+from pipeline.cluster import open_client
 from pipeline.configuration import (
     EFFECTS,
     EFFECTS_PATH,
@@ -33,23 +25,18 @@ from pipeline.configuration import (
     modal_parameters_of,
     sort_words,
 )
+from pipeline.dispatch import dispatched, signals
 from pipeline.errors import StorageFailed, WorkersLost
 from pipeline.locking import locked, remove_empty
 from pipeline.progress import Journal, Meter
 from pipeline.settings import Settings, differing_keys
-from pipeline.task import KERNEL, Record, Task, compute_chunk, compute_point
+from pipeline.task import KERNEL, Record, Task, compute_point
 
 OPTIONS = ("output", "retry_failed", EFFECTS, EFFECTS_PATH, "base")
-#: Tasks handed out beyond those being computed, for each worker.
-WINDOW = 3
-#: Attempts at a chunk whose worker died.
-RETRIES = 2
-#: Seconds to wait for the record of a task that has ended; it is lost when its worker died since.
-RESULT_PATIENCE = 10.0
+#: What is in a folder whose study was being created when the run was killed.
+OF_A_CREATION = (".lock", "lock.json", "lobes.zarr", metadata.COPY, f"{metadata.COPY}.partial")
 #: Seconds of compiling before it is said.
 COMPILING_PATIENCE = 1.0
-#: Seconds between two looks for tasks that have ended; a task takes about a second.
-POLL = 0.01
 
 
 class Stopped(Exception):
@@ -58,20 +45,6 @@ class Stopped(Exception):
     def __init__(self, number: int) -> None:
         self.number = number
         super().__init__(signal.Signals(number).name)
-
-
-@dataclass
-class Stopping:
-    """Remembers that a signal asked for the end; a second one ends at once."""
-
-    number: int = 0
-
-    def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Handle a signal."""
-        if self.number:
-            raise KeyboardInterrupt
-        self.number = number
-        print("\nstopping: waiting for the chunks in progress (once more to stop at once)", file=sys.stderr, flush=True)
 
 
 def run(words: list[str]) -> int:
@@ -108,22 +81,37 @@ def execute(
             if not existed:
                 remove_empty(output)
             raise
-        journal = Journal(output / "journal.jsonl")
-        journal.write("start", argv=argv or [], pid=os.getpid(), host=socket.gethostname())
-        try:
-            _compute(settings, path, journal, retry_failed, kernel)
-        except Stopped as stop:
-            journal.write("stopped", signal=str(stop))
-            again = f"python -m pipeline sweep {' '.join(argv)}" if argv else "the same command"
-            print(f"stopped; nothing is lost. Go on with: {again}", file=sys.stderr)
-            return 128 + stop.number
-        except OSError as error:
-            # The disk is full, or the folder has gone away: what was computed before is in the store.
-            raise StorageFailed(
-                f"{error.filename or path}: {error.strerror or error}; what was computed is kept, "
-                "the same command goes on once there is room"
-            ) from None
-        return _finish(output, path, journal)
+        return carry_on(settings, output, retry_failed=retry_failed, argv=argv, kernel=kernel)
+
+
+def carry_on(
+    settings: Settings,
+    output: Path,
+    *,
+    retry_failed: bool = False,
+    argv: list[str] | None = None,
+    kernel: str = KERNEL,
+) -> int:
+    """Compute what is missing in a store that is there and belongs to the settings, and whose folder is locked.
+
+    Returns and raises what ``execute`` does.
+    """
+    path, journal = output / "lobes.zarr", Journal(output / "journal.jsonl")
+    journal.write("start", argv=argv or [], pid=os.getpid(), host=socket.gethostname())
+    try:
+        _compute(settings, path, journal, retry_failed, kernel)
+    except Stopped as stop:
+        journal.write("stopped", signal=str(stop))
+        again = f"python -m pipeline sweep {' '.join(argv)}" if argv else "the same command"
+        print(f"stopped; nothing is lost. Go on with: {again}", file=sys.stderr)
+        return 128 + stop.number
+    except OSError as error:
+        # The disk is full, or the folder has gone away: what was computed before is in the store.
+        raise StorageFailed(
+            f"{error.filename or path}: {error.strerror or error}; what was computed is kept, "
+            "the same command goes on once there is room"
+        ) from None
+    return _finish(output, path, journal)
 
 
 def _prepare(settings: Settings, output: Path, path: Path, argv: list[str]) -> None:
@@ -138,31 +126,34 @@ def _prepare(settings: Settings, output: Path, path: Path, argv: list[str]) -> N
             raise InvalidInput([f"{output}: holds a study with other settings; they differ in: {shown}"])
         store.clear_partial(path)
         return
-    if any(entry.name not in (".lock", "lock.json", "lobes.zarr") for entry in output.iterdir()):
+    if any(entry.name not in OF_A_CREATION for entry in output.iterdir()):
         raise InvalidInput([f"{output}: holds files that are no study; choose an empty folder with output=DIR"])
     # The record is written after the template, so a template that was cut short is made again.
     store.create(path, settings, argv)
-    record.write_text(yaml.safe_dump({"study": settings.study, **settings.scientific()}, sort_keys=False))
+    record.write_text(settings.record())
 
 
 def _compute(settings: Settings, path: Path, journal: Journal, retry_failed: bool, kernel: str) -> None:
     group = store.open_group(path)
     every = store.chunks(group)
-    pending = [chunk for chunk in every if _is_pending(path, group, chunk, retry_failed)]
+    pending = [chunk for chunk in every if _becomes_pending(path, group, chunk, retry_failed)]
     cells = {chunk: (chunk.last - chunk.first) * _depths(group) for chunk in every}
     total, done = sum(cells.values()), sum(cells.values()) - sum(cells[chunk] for chunk in pending)
     if not pending:
         return
-    _append_history(group, f"{store.now()} {len(pending)} of {len(every)} chunks to compute")
+    history = [*metadata.attributes(path)["history"], f"{store.now()} {len(pending)} of {len(every)} chunks to compute"]
+    metadata.update(path, history=history)
     own = settings.effects_path
-    tasks = [Task(store=path.resolve(), chunk=chunk, kernel=kernel, effects_path=own) for chunk in pending]
+    tasks = [
+        Task(store=path.resolve(), chunk=chunk, kernel=kernel, effects_path=own, time_limit=settings.cluster.time_limit)
+        for chunk in pending
+    ]
     if settings.cluster.kind != "address":
         _compile_once(tasks[0])
-    with _signals() as stopping:
+    with signals() as stopping:
         try:
             with open_client(settings.cluster) as client, Meter(total, done) as meter:
-                results = _serial(tasks, stopping) if client is None else _distributed(tasks, client, stopping)
-                for record in results:
+                for record in dispatched(tasks, client, stopping):
                     _note(journal, record)
                     meter.advance(cells[record.chunk])
         except (RuntimeError, OSError) as error:
@@ -202,11 +193,16 @@ def _note(journal: Journal, record: Record) -> None:
     )
 
 
-def _is_pending(path: Path, group: zarr.Group, chunk: store.Chunk, retry_failed: bool) -> bool:
+def _becomes_pending(path: Path, group: zarr.Group, chunk: store.Chunk, retry_failed: bool) -> bool:
+    """Return whether a chunk is to be computed; what a store holds of it counts no more then."""
     status = store.readable_status(group, chunk)
-    if (status == STATUS["pending"]).any() or (retry_failed and np.isin(status, FAILED).any()):
+    if (status == STATUS["pending"]).any():
         return True
-    return bool(np.isin(status, WITH_RESULT).any()) and store.lost_part(path, group, chunk) is not None
+    failed = retry_failed and bool(np.isin(status, FAILED).any())
+    if failed or (np.isin(status, WITH_RESULT).any() and store.lost_parts(path, group, chunk)):
+        store.mark_chunk(path, chunk, STATUS["pending"])
+        return True
+    return False
 
 
 def _depths(group: zarr.Group) -> int:
@@ -215,124 +211,15 @@ def _depths(group: zarr.Group) -> int:
     return int(status.shape[-1])
 
 
-def _append_history(group: zarr.Group, line: str) -> None:
-    history: Any = group.attrs["history"]
-    group.attrs["history"] = [*history, line]
-
-
-@contextmanager
-def _signals() -> Iterator[Stopping]:
-    """Turn SIGINT and SIGTERM into a wish to stop, for as long as chunks are computed."""
-    stopping = Stopping()
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.signal(number, stopping) for number in numbers}
-    try:
-        yield stopping
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _serial(tasks: list[Task], stopping: Stopping) -> Iterator[Record]:
-    for task in tasks:
-        if stopping.number:
-            return
-        yield compute_chunk(task)
-
-
-def _distributed(tasks: list[Task], client: Client, stopping: Stopping) -> Iterator[Record]:
-    """Hand out tasks in a bounded window, so that the scheduler stays small however many there are.
-
-    A worker that dies puts all tasks it held under suspicion; each of those is tried again alone.
-    """
-    waiting, suspects = iter(tasks), list[Task]()
-    window = worker_count(client) * (1 + WINDOW)
-    running = as_completed()
-    owner: dict[str, Task] = {}
-
-    def hand_out() -> None:
-        task = None if stopping.number else next(waiting, None)
-        if task is not None:
-            future = client.submit(compute_chunk, task, pure=False, retries=RETRIES)
-            owner[future.key] = task
-            running.add(future)
-
-    for _ in range(window):
-        hand_out()
-    while owner:
-        _wait_for_one(running, client)
-        future = next(running)
-        task = owner.pop(future.key)
-        if not future.cancelled():
-            record = _record_of(future)
-            if record is None:
-                suspects.append(task)
-            else:
-                yield record
-        if stopping.number and owner:
-            # What no worker has begun is taken back; what is in progress is waited for.
-            begun = {key for keys in client.processing().values() for key in keys}
-            for other in list(running.futures):
-                if other.key not in begun:
-                    other.cancel()
-        hand_out()
-    for task in suspects:
-        if not stopping.number:
-            yield _alone(task, client)
-
-
-def _wait_for_one(running: as_completed, client: Client) -> None:
-    """Wait until a task has ended.
-
-    Raises WorkersLost when there was no worker for WORKER_PATIENCE seconds, where as_completed
-    alone would wait for ever.
-    """
-    seen = looked = time.monotonic()
-    while not running.has_ready():
-        time.sleep(POLL)
-        now = time.monotonic()
-        if now - looked > 1.0:
-            looked = now
-            if client.nthreads():
-                seen = now
-            elif now - seen > WORKER_PATIENCE:
-                raise WorkersLost(
-                    f"cluster: no worker for {WORKER_PATIENCE} s; nothing is lost, the same command goes on"
-                )
-
-
-def _record_of(future: Any) -> Record | None:
-    """Return the record of a task that has ended, None where its workers died or took it with them."""
-    try:
-        record: Record = future.result(timeout=RESULT_PATIENCE)
-        return record
-    except (KilledWorker, TimeoutError):
-        return None
-
-
-def _alone(task: Task, client: Client) -> Record:
-    """Compute a chunk with nothing beside it, so that a worker's death is its own; then it is marked."""
-    future = client.submit(compute_chunk, task, pure=False)
-    running = as_completed([future])
-    _wait_for_one(running, client)
-    record = _record_of(future)
-    if record is not None:
-        return record
-    store.mark_chunk(task.store, task.chunk, STATUS["worker_lost"])
-    lost = store.status_of(store.open_group(task.store), task.chunk).size
-    text = "the worker died on this chunk alone: killed from outside, or out of memory"
-    return Record(chunk=task.chunk, counts={"worker_lost": lost}, seconds=0.0, errors=(text,))
-
-
 def _mark_damaged(path: Path, group: zarr.Group) -> None:
     """Mark chunks that cannot be read as pending; raise InvalidInput naming them when there are any."""
-    damaged = [(chunk, store.unreadable_part(group, chunk)) for chunk in store.chunks(group)]
-    damaged = [(chunk, part) for chunk, part in damaged if part is not None]
+    damaged = [(chunk, store.unreadable_parts(group, chunk)) for chunk in store.chunks(group)]
+    damaged = [(chunk, parts) for chunk, parts in damaged if parts]
     for chunk, _ in damaged:
         store.mark_chunk(path, chunk, STATUS["pending"])
     if damaged:
-        group.attrs["complete"] = False
-        where = ", ".join(f"{part} of speeds {chunk.first} to {chunk.last - 1}" for chunk, part in damaged[:4])
+        metadata.update(path, complete=False)
+        where = ", ".join(f"{parts[0]} of speeds {chunk.first} to {chunk.last - 1}" for chunk, parts in damaged[:4])
         raise InvalidInput(
             [
                 f"{path}: {len(damaged)} chunks are damaged ({where}) and count as pending now; "
@@ -350,7 +237,7 @@ def _finish(output: Path, path: Path, journal: Journal) -> int:
     )
     counts = {name: int(tally[code]) for name, code in STATUS.items() if tally[code]}
     failed = {name: count for name, count in counts.items() if STATUS[name] not in WITH_RESULT}
-    group.attrs["complete"] = "pending" not in counts
+    metadata.update(path, complete="pending" not in counts)
     try:
         written = report.write(output)
     except InvalidInput:

@@ -2,7 +2,7 @@
 
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from importlib import import_module
@@ -20,6 +20,7 @@ from chatter_core.variables import STATUS, SWEEP
 from pipeline import store
 from pipeline.settings import model_with
 from pipeline.store import Chunk
+from pipeline.time_limit import limited
 
 Kernel = Callable[..., LobeBlock]
 #: Module and function of the physics that a task computes.
@@ -31,12 +32,14 @@ class Task:
     """One chunk of a store; ``kernel`` names module and function that compute it.
 
     effects_path: folder with effects of the user's own, as the command line named it; a store never does.
+    time_limit: seconds after which the worker's process ends with everything in it, none: never.
     """
 
     store: Path
     chunk: Chunk
     kernel: str = KERNEL
     effects_path: Path | None = None
+    time_limit: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,12 +68,15 @@ def _described(path: Path) -> tuple[Machine, dict[str, Any], dict[str, Any], dic
 
 
 def compute_chunk(task: Task) -> Record:
-    """Compute a chunk and write it.
+    """Compute a chunk and write it, unless it is there already: its worker may have died with the news.
 
     An error in the block is narrowed down to its speeds; those are marked and the rest goes on.
     Errors of writing are not caught: they end the run.
     """
     began = time.perf_counter()
+    status = store.readable_status(store.open_group(task.store), task.chunk)
+    if status.all():
+        return _record(task, status, began, ())
     machine, effects, common, values = _described(task.store)
     parameters, preload, modes = (
         values[name][i] for name, i in zip(("modal_parameters", "preload", "mode_count"), task.chunk.outer, strict=True)
@@ -93,10 +99,16 @@ def compute_chunk(task: Task) -> Record:
             **common,
         )
 
-    block, errors = _guarded(compute, speed, len(depth))
+    with limited(task.time_limit):
+        block, errors = _guarded(compute, speed, len(depth))
     store.write_chunk(task.store, task.chunk, block)
+    return _record(task, block.status, began, errors)
+
+
+def _record(task: Task, status: np.ndarray, began: float, errors: Sequence[str]) -> Record:
+    """Return the record of a chunk by the status of its cells."""
     names = {code: name for name, code in STATUS.items()}
-    codes, counts = np.unique(block.status, return_counts=True)
+    codes, counts = np.unique(status, return_counts=True)
     return Record(
         chunk=task.chunk,
         counts={names[int(code)]: int(count) for code, count in zip(codes, counts, strict=True)},

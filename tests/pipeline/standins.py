@@ -1,5 +1,6 @@
 """Kernels in the place of the physics: exact functions of a cell, slow ones, and ones that fail."""
 
+import itertools
 import os
 import signal
 import time
@@ -72,4 +73,13 @@ def deadly(model: Any, **cells: Any) -> LobeBlock:
     """Kill the worker in one corner of the grid, as the kernel does when memory runs out."""
     if _is_bad(model, cells):
         os.kill(os.getpid(), signal.SIGKILL)
+    return plain(model, **cells)
+
+
+def hanging(model: Any, **cells: Any) -> LobeBlock:
+    """Never come back in one corner of the grid, and let no other thread of the process run."""
+    if _is_bad(model, cells):
+        while True:
+            # One call of many hours that holds the interpreter: no Python thread could end it.
+            sum(itertools.repeat(0))
     return plain(model, **cells)

@@ -13,8 +13,7 @@ import pytest
 import xarray as xr
 
 from chatter_core.variables import STATUS
-from pipeline import store
-from pipeline import sweep as sweep_module
+from pipeline import dispatch, store
 from pipeline.cluster import open_client
 from pipeline.errors import WorkersLost
 from pipeline.settings import Cluster
@@ -91,15 +90,24 @@ def test_ctrl_c_in_a_terminal_ends_a_run_with_worker_processes_in_good_order(
     xr.testing.assert_identical(lobes(output).drop_attrs(), reference.drop_attrs())
 
 
-def test_a_chunk_that_kills_its_worker_is_marked_and_no_other(tmp_path: Path) -> None:
-    output = tmp_path / "study"
-    assert sweep(output, "cluster=local", "cluster.workers=1", kernel="deadly") == 1
+@pytest.mark.parametrize(
+    ("kernel", "status", "words"),
+    [
+        ("deadly", "worker_lost", ("cluster.workers=2",)),
+        ("hanging", "timed_out", ("cluster.workers=1", "cluster.time_limit_s=1")),
+    ],
+)
+def test_a_speed_that_costs_its_worker_is_marked_and_no_other(
+    tmp_path: Path, kernel: str, status: str, words: tuple[str, ...]
+) -> None:
+    output, one = tmp_path / "study", "grid.mode_count=[1]"
+    assert sweep(output, one, "cluster=local", *words, kernel=kernel) == 1
     found = lobes(output)
-    # The whole chunk of two speeds is lost with its worker.
-    lost = (found["preload"] == BAD_PRELOAD) & (found["spindle_speed"] < BAD_SPEED + 1000.0)
-    expected = xr.where(lost, STATUS["worker_lost"], STATUS["ok"]).broadcast_like(found["status"])
+    bad = (found["preload"] == BAD_PRELOAD) & (found["spindle_speed"] < BAD_SPEED)
+    expected = xr.where(bad, STATUS[status], STATUS["ok"]).broadcast_like(found["status"])
     np.testing.assert_array_equal(found["status"], expected.transpose(*found["status"].dims))
-    assert sweep(output, retry_failed=True) == 0
+    assert sum(status in event["counts"] for event in journal(output, "chunk")) == 1
+    assert sweep(output, one, retry_failed=True) == 0
     assert (lobes(output)["status"] == STATUS["ok"]).all()
 
 
@@ -122,9 +130,9 @@ def test_a_cluster_without_workers_is_not_waited_for_without_end(monkeypatch: py
     running, client = Mock(), Mock()
     running.has_ready.return_value = False
     client.nthreads.return_value = {}
-    monkeypatch.setattr(sweep_module, "WORKER_PATIENCE", 0)
+    monkeypatch.setattr(dispatch, "WORKER_PATIENCE", 0)
     with pytest.raises(WorkersLost, match="no worker for 0 s; nothing is lost, the same command goes on"):
-        sweep_module._wait_for_one(running, client)
+        dispatch._wait_for_one(running, client)
 
 
 @pytest.mark.parametrize("kind", ["local", "threads"])

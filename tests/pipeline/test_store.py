@@ -1,6 +1,5 @@
 """The store on disk: names, units, chunks and checksums."""
 
-import json
 import shutil
 from pathlib import Path
 
@@ -176,15 +175,7 @@ def test_a_store_without_its_frame_is_refused_with_the_reason(copied: Path, part
     else:
         damaged.unlink()
     for use in (sweep, report.write):
-        with pytest.raises(InvalidInput, match="the store is damaged beyond its chunks"):
+        with pytest.raises(
+            InvalidInput, match=r"the store is damaged beyond its chunks: .* verify output=.* repair=true"
+        ):
             use(copied)
-
-
-@pytest.mark.parametrize("attribute", ["history", "settings", "speeds_per_chunk", "fingerprint"])
-def test_a_store_without_an_attribute_is_refused(copied: Path, attribute: str) -> None:
-    file = copied / "lobes.zarr" / "zarr.json"
-    frame = json.loads(file.read_text())
-    del frame["attributes"][attribute]
-    file.write_text(json.dumps(frame))
-    with pytest.raises(InvalidInput, match=f"attribute {attribute} is missing"):
-        sweep(copied)

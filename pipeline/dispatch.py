@@ -1,0 +1,190 @@
+"""Chunks handed out to whoever computes them, so that nothing that happens to one is the end of the others."""
+
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from types import FrameType
+
+from distributed import Client, Future, as_completed
+from distributed.scheduler import KilledWorker
+
+from chatter_core.variables import STATUS
+from pipeline import store
+from pipeline.cluster import WORKER_PATIENCE, worker_count
+from pipeline.errors import WorkersLost
+from pipeline.task import Record, Task, compute_chunk
+
+#: Tasks handed out beyond those being computed, for each worker.
+WINDOW = 3
+#: Attempts at a chunk whose worker died.
+RETRIES = 2
+#: Seconds to wait for the record of a task that has ended; it is lost when its worker died since.
+RESULT_PATIENCE = 10.0
+#: Seconds between two looks for tasks that have ended; a task takes about a second.
+POLL = 0.01
+#: Seconds between two looks at what the scheduler knows of its workers.
+LOOK = 0.1
+#: What is said of speeds whose worker is lost while they are computed with nothing beside them.
+TOLD = {
+    "worker_lost": "the worker died on this speed alone: killed from outside, or out of memory",
+    "timed_out": "this speed alone took longer than cluster.time_limit_s",
+}
+
+
+class Stopping:
+    """Remembers that a signal asked for the end; a second one ends at once."""
+
+    number: int = 0
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        """Handle a signal."""
+        if self.number:
+            raise KeyboardInterrupt
+        self.number = number
+        print("\nstopping: waiting for the chunks in progress (once more to stop at once)", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def signals() -> Iterator[Stopping]:
+    """Turn SIGINT and SIGTERM into a wish to stop, for as long as chunks are computed."""
+    stopping = Stopping()
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = {number: signal.signal(number, stopping) for number in numbers}
+    try:
+        yield stopping
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def dispatched(tasks: list[Task], client: Client | None, stopping: Stopping) -> Iterator[Record]:
+    """Yield what became of every task, in the order in which they end, until stopped; without a client, here.
+
+    Raises WorkersLost when there is no worker for long.
+    """
+    if client is not None:
+        yield from _distributed(tasks, client, stopping)
+        return
+    for task in tasks:
+        if stopping.number:
+            return
+        yield compute_chunk(task)
+
+
+def _distributed(tasks: list[Task], client: Client, stopping: Stopping) -> Iterator[Record]:
+    """Hand out tasks in a bounded window, so that the scheduler stays small however many there are.
+
+    A worker that dies puts all tasks it held under suspicion; each of those is tried again alone.
+    """
+    waiting, suspects = iter(tasks), list[Task]()
+    window = worker_count(client) * (1 + WINDOW)
+    running = as_completed()
+    owner: dict[str, Task] = {}
+
+    def hand_out() -> None:
+        task = None if stopping.number else next(waiting, None)
+        if task is not None:
+            future = client.submit(compute_chunk, task, pure=False, retries=RETRIES)
+            owner[future.key] = task
+            running.add(future)
+
+    for _ in range(window):
+        hand_out()
+    while owner:
+        _wait_for_one(running, client)
+        future = next(running)
+        task = owner.pop(future.key)
+        if not future.cancelled():
+            record = _record_of(future)
+            if record is None:
+                suspects.append(task)
+            else:
+                yield record
+        if stopping.number and owner:
+            # What no worker has begun is taken back; what is in progress is waited for.
+            begun = {key for keys in client.processing().values() for key in keys}
+            for other in list(running.futures):
+                if other.key not in begun:
+                    other.cancel()
+        hand_out()
+    for task in suspects:
+        if not stopping.number:
+            record = _speed_by_speed(task, client, stopping)
+            if record is not None:
+                yield record
+
+
+def _wait_for_one(running: as_completed, client: Client) -> None:
+    """Wait until a task has ended.
+
+    Raises WorkersLost when there was no worker for WORKER_PATIENCE seconds, where as_completed
+    alone would wait for ever.
+    """
+    seen = looked = time.monotonic()
+    while not running.has_ready():
+        time.sleep(POLL)
+        now = time.monotonic()
+        if now - looked > 1.0:
+            looked = now
+            if client.nthreads():
+                seen = now
+            elif now - seen > WORKER_PATIENCE:
+                raise WorkersLost(
+                    f"cluster: no worker for {WORKER_PATIENCE} s; nothing is lost, the same command goes on"
+                )
+
+
+def _record_of(future: Future) -> Record | None:
+    """Return the record of a task that has ended, None where its workers died or took it with them."""
+    try:
+        record: Record = future.result(timeout=RESULT_PATIENCE)
+        return record
+    except (KilledWorker, TimeoutError):
+        return None
+
+
+def _speed_by_speed(task: Task, client: Client, stopping: Stopping) -> Record | None:
+    """Compute a chunk on which workers died one speed after another; those that do it again are marked.
+
+    Nothing is computed beside them, so a worker's death is a speed's own. None where stopped midway: what is missing
+    stays pending.
+    """
+    chunk, counts, errors, seconds = task.chunk, dict[str, int](), list[str](), 0.0
+    for speed in range(chunk.first, chunk.last):
+        if stopping.number:
+            return None
+        record = _alone(replace(task, chunk=replace(chunk, first=speed, last=speed + 1)), client)
+        for name, count in record.counts.items():
+            counts[name] = counts.get(name, 0) + count
+        errors += record.errors
+        seconds += record.seconds
+    return Record(chunk=chunk, counts=counts, seconds=seconds, errors=tuple(errors))
+
+
+def _alone(task: Task, client: Client) -> Record:
+    """Compute a part of a chunk with nothing beside it; where its worker dies, mark it."""
+    future = client.submit(compute_chunk, task, pure=False)
+    began = _begun(future, client)
+    running = as_completed([future])
+    _wait_for_one(running, client)
+    record = _record_of(future)
+    if record is not None:
+        return record
+    took = time.monotonic() - began
+    why = "timed_out" if task.time_limit is not None and took >= task.time_limit else "worker_lost"
+    store.mark_chunk(task.store, task.chunk, STATUS[why])
+    lost = store.status_of(store.open_group(task.store), task.chunk).size
+    return Record(chunk=task.chunk, counts={why: lost}, seconds=took, errors=(TOLD[why],))
+
+
+def _begun(future: Future, client: Client) -> float:
+    """Wait until a task has a worker, has ended already, or has none for long; return the time."""
+    end = time.monotonic() + WORKER_PATIENCE
+    while not future.done() and time.monotonic() < end:
+        if any(future.key in keys for keys in client.processing().values()):
+            break
+        time.sleep(LOOK)
+    return time.monotonic()

@@ -1,0 +1,123 @@
+"""A store read back: every flipped bit is found, and what it damaged is computed again."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from chatter_core.errors import InvalidInput
+from pipeline import metadata, report, sweep, verify
+from pipeline.__main__ import main
+from pipeline.settings import Cluster
+
+from tests.pipeline.studies import CHUNKS, journal, lobes, study, sweep as sweep_study  # isort: skip
+
+FLIPS = 100
+
+
+@pytest.fixture(autouse=True)
+def _without_report_and_physics(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out tables and figures, and compute with the stand-in that the store was made with."""
+    monkeypatch.setattr(report, "write", lambda output: [])
+    monkeypatch.setattr(sweep, "KERNEL", "tests.pipeline.standins:plain")
+    carry_on = sweep.carry_on
+    monkeypatch.setattr(sweep, "carry_on", lambda *a, **k: carry_on(*a, **{"kernel": sweep.KERNEL, **k}))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The small study, computed."""
+    output = tmp_path_factory.mktemp("made") / "study"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(report, "write", lambda output: [])
+        assert sweep_study(output) == 0
+    return output
+
+
+@pytest.fixture
+def output(made: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(made, tmp_path / "study")
+
+
+def repaired(output: Path) -> int:
+    return verify.repair(output, verify.damage(output), None, [], Cluster(kind="serial"))
+
+
+def flip(file: Path, bit: int) -> None:
+    content = bytearray(file.read_bytes())
+    content[bit // 8] ^= 1 << bit % 8
+    file.write_bytes(content)
+
+
+def files_of(output: Path) -> list[Path]:
+    """All files of the store, and what stands beside it to restore it."""
+    store = sorted(file for file in (output / "lobes.zarr").rglob("*") if file.is_file())
+    return [*store, output / "settings.yaml"]
+
+
+def test_a_store_as_it_was_written_has_no_damage(output: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["verify", f"output={output}"]) == 0
+    assert "every byte reads back as it was written" in capsys.readouterr().out
+
+
+def test_every_one_of_many_random_bit_flips_is_found(output: Path) -> None:
+    random, files = np.random.default_rng(20261122), files_of(output)
+    sizes = np.array([file.stat().st_size for file in files])
+    for _ in range(FLIPS):
+        # Every file is as likely as any other: the few documents would hardly be met by their share of the bytes.
+        which = int(random.integers(len(files)))
+        bit = int(random.integers(8 * sizes[which]))
+        flip(files[which], bit)
+        assert verify.damage(output), f"bit {bit} of {files[which]}"
+        flip(files[which], bit)
+    assert not verify.damage(output)
+
+
+def test_what_many_flips_at_once_have_damaged_is_made_as_it_was(output: Path, made: Path) -> None:
+    random, files = np.random.default_rng(20261123), files_of(output)
+    for which in random.choice(len(files), FLIPS, replace=False):
+        flip(files[which], int(random.integers(8 * files[which].stat().st_size)))
+    assert verify.damage(output)
+    assert repaired(output) == 0
+    assert not verify.damage(output)
+    xr.testing.assert_identical(lobes(output).drop_attrs(), lobes(made).drop_attrs())
+
+
+def test_only_what_is_damaged_is_computed_again(output: Path) -> None:
+    flip(output / "lobes.zarr/spectral_radius/c/0/1/0/1/0", 33)
+    (output / "lobes.zarr/limit_depth/c/0/0/1/2/0").unlink()
+    assert repaired(output) == 0
+    again = [(event["outer"], event["speeds"]) for event in journal(output, "chunk")][CHUNKS:]
+    assert again == [([0, 0, 1], [4, 6]), ([0, 1, 0], [2, 4])]
+
+
+@pytest.mark.parametrize("place", ["zarr.json", "status/zarr.json", "preload/c/0", "natural_frequency/c/0/0/0/0/0"])
+def test_documents_and_coordinates_are_restored(output: Path, made: Path, place: str) -> None:
+    (output / "lobes.zarr" / place).write_bytes(b"nothing that was ever written")
+    assert repaired(output) == 0
+    assert (output / "lobes.zarr" / place).read_bytes() == (made / "lobes.zarr" / place).read_bytes()
+
+
+def test_a_store_whose_root_and_its_copy_are_damaged_is_given_up_in_words(output: Path) -> None:
+    for file in (output / "lobes.zarr" / metadata.DOCUMENT, output / metadata.COPY):
+        file.write_bytes(b"{}")
+    with pytest.raises(InvalidInput, match=r"zarr.json is damaged, and so is its copy"):
+        repaired(output)
+
+
+def test_damage_is_told_by_place_with_the_command_that_repairs_it(
+    output: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flip(output / "lobes.zarr/spectral_radius/c/0/1/0/1/0", 33)
+    assert main(["verify", f"output={output}"]) == 1
+    told = capsys.readouterr()
+    assert "damaged: spectral_radius: indices 0, 1, 0, speeds 2 to 3" in told.out
+    assert f"python -m pipeline verify output={output} repair=true" in told.err
+
+
+def test_a_damaged_root_stops_a_sweep_with_the_command_that_repairs_it(output: Path) -> None:
+    flip(output / "lobes.zarr" / metadata.DOCUMENT, 4001)
+    with pytest.raises(InvalidInput, match=r"python -m pipeline verify output=.* repair=true"):
+        sweep.execute(study(), output)
