@@ -91,5 +91,8 @@ def _text(document: dict[str, Any]) -> bytes:
 def _write(file: Path, content: bytes) -> None:
     """Write a file whole or not at all."""
     partial = file.with_name(f"{file.name}.partial")
-    partial.write_bytes(content)
-    os.replace(partial, file)
+    try:
+        partial.write_bytes(content)
+        os.replace(partial, file)
+    finally:
+        partial.unlink(missing_ok=True)

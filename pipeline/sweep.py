@@ -97,8 +97,8 @@ def carry_on(
     Returns and raises what ``execute`` does.
     """
     path, journal = output / "lobes.zarr", Journal(output / "journal.jsonl")
-    journal.write("start", argv=argv or [], pid=os.getpid(), host=socket.gethostname())
     try:
+        journal.write("start", argv=argv or [], pid=os.getpid(), host=socket.gethostname())
         _compute(settings, path, journal, retry_failed, kernel)
     except Stopped as stop:
         journal.write("stopped", signal=str(stop))
