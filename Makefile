@@ -8,7 +8,7 @@ SEEDS  ?= test
 FOLDER ?= results/blind
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep point compare diagnose improve predict identify paper tutorial template report status verify bench blind soak test clean
+.PHONY: help run sweep point compare diagnose improve predict identify paper tutorial template report status verify pack bench blind soak test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -58,6 +58,9 @@ status: $(VENV)/.installed ## how far a study is, by ARGS=output=DIR
 
 verify: $(VENV)/.installed ## read a computed study back, by ARGS="output=DIR repair=true"
 	$(BIN)/python -m pipeline verify $(ARGS)
+
+pack: $(VENV)/.installed ## a finished study into few files, by ARGS=output=DIR
+	$(BIN)/python -m pipeline pack $(ARGS)
 
 bench: $(VENV)/.installed ## speed and error beside the textbook's method, into results/bench.md
 	$(BIN)/python -m benchmarks $(ARGS)

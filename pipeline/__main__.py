@@ -29,6 +29,7 @@ VERBS = {
     "template": "write an empty measurement campaign to fill in, every file, key and column explained",
     "report": "write tables, figures and report of a computed study again",
     "verify": "read every byte of a computed study back, name what is damaged, and make it anew with repair=true",
+    "pack": "put a finished study's chunks into few files, each still with its own checksum",
     "status": "how far a study is that is being computed, or was: done, failed, rate, time left",
 }
 
@@ -80,6 +81,7 @@ options of verbs
   report    output=DIR
   status    output=DIR, format=text|json
   verify    output=DIR, repair=true, effects_path=DIR
+  pack      output=DIR
 
 exit codes: 0 all well, 1 some points failed and are marked, 2 bad input, 3 store in use
 """

@@ -30,6 +30,23 @@ def update(path: Path, **changes: Any) -> None:
         _write(file, sealed)
 
 
+def reseal(path: Path, **changes: Any) -> None:
+    """Take the documents of the arrays as they are into the root of a store, change attributes, and seal it."""
+    document = json.loads((path / DOCUMENT).read_bytes())
+    for name in _described(document):
+        _described(document)[name] = json.loads((path / name / DOCUMENT).read_bytes())
+    document["attributes"] |= changes
+    _write(path / DOCUMENT, _sealed(document))
+
+
+def refresh_copy(path: Path) -> None:
+    """Make the copy beside a store what the root is, after a run that was killed between the two."""
+    copy = path.parent / COPY
+    root = (path / DOCUMENT).read_bytes()
+    if _intact(path / DOCUMENT) is not None and (not copy.exists() or copy.read_bytes() != root):
+        _write(copy, root)
+
+
 def problems(path: Path) -> dict[str, str]:
     """Return what is wrong with the documents of a store, by their place in it; nothing when all is well."""
     root = _intact(path / DOCUMENT)

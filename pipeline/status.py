@@ -54,7 +54,7 @@ class Progress:
     @property
     def state(self) -> str:
         """Whether it is ``complete``, ``computing``, or ``interrupted``; ``empty`` before the first chunk."""
-        if len(self.written) == self.chunks and "pending" not in self.cells:
+        if "pending" not in self.cells:
             return "complete"
         if not len(self.written):
             return "empty"

@@ -6,6 +6,7 @@ status has no zero left; a chunk equal to the fill value is never written, hence
 """
 
 import platform
+import shutil
 import subprocess
 import sys
 import warnings
@@ -32,6 +33,10 @@ from chatter_core.variables import CELL_STATUS, STRUCTURE, SWEEP, Variable
 from pipeline import metadata
 from pipeline.settings import Settings
 
+#: Variables that are written chunk by chunk.
+CHUNKED = (*SWEEP, "status")
+#: A store that is being packed, and the one that it takes the place of.
+PACKING, UNPACKED = "packing.zarr", "unpacked.zarr"
 #: What the functions here take that read.
 Group = zarr.Group
 OUTER = 3  # dimensions before the speed: modal parameters, preload, mode count
@@ -170,7 +175,7 @@ def _array(
 
 def chunks(group: zarr.Group) -> list[Chunk]:
     """Return every chunk of a store, in the order in which they are computed."""
-    status = _array_of(group, "status")
+    status = array_of(group, "status")
     speeds, block = status.shape[OUTER], int(str(group.attrs["speeds_per_chunk"]))
     return [
         Chunk(outer=(outer[0], outer[1], outer[2]), first=first, last=min(first + block, speeds))
@@ -181,7 +186,7 @@ def chunks(group: zarr.Group) -> list[Chunk]:
 
 def status_of(group: zarr.Group, chunk: Chunk) -> np.ndarray:
     """Return the status of a chunk's cells (speed, depth)."""
-    return np.asarray(_array_of(group, "status")[chunk.region])
+    return np.asarray(array_of(group, "status")[chunk.region])
 
 
 def readable_status(group: zarr.Group, chunk: Chunk) -> np.ndarray:
@@ -189,7 +194,7 @@ def readable_status(group: zarr.Group, chunk: Chunk) -> np.ndarray:
     try:
         return status_of(group, chunk)
     except (ValueError, RuntimeError):  # checksum, decompression
-        return np.zeros((chunk.last - chunk.first, _array_of(group, "status").shape[-1]), dtype=np.uint8)
+        return np.zeros((chunk.last - chunk.first, array_of(group, "status").shape[-1]), dtype=np.uint8)
 
 
 def written_at(path: Path) -> np.ndarray:
@@ -214,14 +219,14 @@ def write_chunk(path: Path, chunk: Chunk, block: LobeBlock) -> None:
     group = open_group(path)
     for name, variable in SWEEP.items():
         # Written even where it is empty (a speed without a limit depth), so that a lost file is noticed.
-        array = _array_of(group, name).with_config({"write_empty_chunks": True})
+        array = array_of(group, name).with_config({"write_empty_chunks": True})
         array[chunk.region] = getattr(block, name) / variable.si_factor if variable.suffix else getattr(block, name)
-    _array_of(group, "status")[chunk.region] = block.status
+    array_of(group, "status")[chunk.region] = block.status
 
 
 def mark_chunk(path: Path, chunk: Chunk, code: int) -> None:
     """Give every cell of a chunk a status, without results."""
-    _array_of(open_group(path), "status")[chunk.region] = code
+    array_of(open_group(path), "status")[chunk.region] = code
 
 
 def check(path: Path) -> zarr.Group:
@@ -257,32 +262,36 @@ def _unusable_parts(group: zarr.Group) -> list[str]:
     return [
         f"variable {name} is missing or not as it was written"
         for name, variable in {**SWEEP, "status": CELL_STATUS}.items()
-        if name not in group or _array_of(group, name).shape != tuple(sizes[dim] for dim in variable.dims)
+        if name not in group or array_of(group, name).shape != tuple(sizes[dim] for dim in variable.dims)
     ]
 
 
 def whole(group: zarr.Group, name: str) -> np.ndarray:
     """Return an array, read in one piece; raise ValueError naming it when that fails."""
     try:
-        return np.asarray(_array_of(group, name)[...])
+        return np.asarray(array_of(group, name)[...])
     except (ValueError, RuntimeError, KeyError, TypeError) as error:
         raise ValueError(f"{name} cannot be read ({str(error).splitlines()[0]})") from None
 
 
-def _array_of(group: zarr.Group, name: str) -> zarr.Array[Any]:
+def array_of(group: zarr.Group, name: str) -> zarr.Array[Any]:
+    """Return an array of a store."""
     array = group[name]
     assert isinstance(array, zarr.Array)
     return array
 
 
+def file_of(path: Path, group: zarr.Group, chunk: Chunk, name: str) -> Path:
+    """Return the file that holds a variable of a chunk, its shard where the store is packed."""
+    array = array_of(group, name)
+    first = (*chunk.outer, chunk.first, *(0 for _ in array.shape[OUTER + 1 :]))
+    place = (index // step for index, step in zip(first, array.shards or array.chunks, strict=True))
+    return (path / name / "c").joinpath(*map(str, place))
+
+
 def lost_parts(path: Path, group: zarr.Group, chunk: Chunk) -> list[str]:
     """Return the variables of a computed chunk whose file is gone."""
-    block, lost = int(str(group.attrs["speeds_per_chunk"])), []
-    for name, variable in SWEEP.items():
-        place = [*chunk.outer, chunk.first // block, *(0 for _ in variable.dims[OUTER + 1 :])]
-        if not (path / name / "c").joinpath(*map(str, place)).exists():
-            lost.append(name)
-    return lost
+    return [name for name in SWEEP if not file_of(path, group, chunk, name).exists()]
 
 
 def unreadable_parts(group: zarr.Group, chunk: Chunk) -> list[str]:
@@ -290,10 +299,45 @@ def unreadable_parts(group: zarr.Group, chunk: Chunk) -> list[str]:
     unreadable = []
     for name in (*SWEEP, "status"):
         try:
-            _array_of(group, name)[chunk.region]
+            array_of(group, name)[chunk.region]
         except (ValueError, RuntimeError):  # checksum, decompression
             unreadable.append(name)
     return unreadable
+
+
+def is_packed(group: zarr.Group) -> bool:
+    """Return whether the chunks of a store stand in shards, of which each has one writer at a time."""
+    return array_of(group, "status").shards is not None
+
+
+def create_packed(path: Path, name: str, source: zarr.Array[Any], shard: tuple[int, ...]) -> zarr.Array[Any]:
+    """Return an empty array like another, in a store that is there, whose chunks stand in shards."""
+    return zarr.open_group(path, mode="r+", use_consolidated=False).create_array(
+        name,
+        shape=source.shape,
+        chunks=source.chunks,
+        shards=shard,
+        dtype=source.dtype,
+        fill_value=source.fill_value,
+        compressors=[ZstdCodec(level=1), Crc32cCodec()],
+        dimension_names={**SWEEP, "status": CELL_STATUS}[name].dims,
+        attributes=source.attrs.asdict(),
+        config={"write_empty_chunks": True},
+    )
+
+
+def exchange(output: Path) -> None:
+    """Put the packed store in the place of the one that it was made from."""
+    (output / "lobes.zarr").rename(output / UNPACKED)
+    (output / PACKING).rename(output / "lobes.zarr")
+    shutil.rmtree(output / UNPACKED)
+    open_group.cache_clear()
+
+
+def recover(output: Path) -> None:
+    """Bring back the store of a folder in which packing was killed at its last step."""
+    if not (output / "lobes.zarr").exists() and (output / UNPACKED).exists():
+        (output / UNPACKED).rename(output / "lobes.zarr")
 
 
 def clear_partial(path: Path) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from chatter_core.errors import InvalidInput
 from pipeline.configuration import sort_words
+from pipeline.store import UNPACKED
 
 
 def study_folder(
@@ -31,6 +32,6 @@ def study_folder(
     if problems:
         raise InvalidInput(problems)
     output = Path(found.options["output"])
-    if not (output / "lobes.zarr" / "zarr.json").exists():
+    if not any((output / name).is_dir() for name in ("lobes.zarr", UNPACKED)):
         raise InvalidInput([f"output: {output} holds no lobes.zarr; compute it with: python -m pipeline sweep"])
     return output, said

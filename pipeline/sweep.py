@@ -29,7 +29,7 @@ from pipeline.dispatch import dispatched, signals
 from pipeline.errors import StorageFailed, WorkersLost
 from pipeline.locking import locked, remove_empty
 from pipeline.progress import Journal, Meter
-from pipeline.settings import Settings, differing_keys
+from pipeline.settings import Cluster, Settings, differing_keys
 from pipeline.task import KERNEL, Record, Task, compute_point
 
 OPTIONS = ("output", "retry_failed", EFFECTS, EFFECTS_PATH, "base")
@@ -117,6 +117,7 @@ def carry_on(
 def _prepare(settings: Settings, output: Path, path: Path, argv: list[str]) -> None:
     """Create the store, or check that the one that is there belongs to these settings."""
     record = output / "settings.yaml"
+    store.recover(output)
     if record.exists() and path.exists():
         existing: dict[str, Any] = store.check(path).attrs.asdict()
         if existing.get("fingerprint") != settings.fingerprint():
@@ -125,6 +126,7 @@ def _prepare(settings: Settings, output: Path, path: Path, argv: list[str]) -> N
             shown = ", ".join(keys[:12]) + (f" and {len(keys) - 12} more" if len(keys) > 12 else "")
             raise InvalidInput([f"{output}: holds a study with other settings; they differ in: {shown}"])
         store.clear_partial(path)
+        metadata.refresh_copy(path)
         return
     if any(entry.name not in OF_A_CREATION for entry in output.iterdir()):
         raise InvalidInput([f"{output}: holds files that are no study; choose an empty folder with output=DIR"])
@@ -143,16 +145,17 @@ def _compute(settings: Settings, path: Path, journal: Journal, retry_failed: boo
         return
     history = [*metadata.attributes(path)["history"], f"{store.now()} {len(pending)} of {len(every)} chunks to compute"]
     metadata.update(path, history=history)
-    own = settings.effects_path
+    # Many writers of one shard would lose each other's chunks.
+    cluster = Cluster(kind="serial") if store.is_packed(group) else settings.cluster
+    own, limit = settings.effects_path, cluster.time_limit
     tasks = [
-        Task(store=path.resolve(), chunk=chunk, kernel=kernel, effects_path=own, time_limit=settings.cluster.time_limit)
-        for chunk in pending
+        Task(store=path.resolve(), chunk=chunk, kernel=kernel, effects_path=own, time_limit=limit) for chunk in pending
     ]
-    if settings.cluster.kind != "address":
+    if cluster.kind != "address":
         _compile_once(tasks[0])
     with signals() as stopping:
         try:
-            with open_client(settings.cluster) as client, Meter(total, done) as meter:
+            with open_client(cluster) as client, Meter(total, done) as meter:
                 for record in dispatched(tasks, client, stopping):
                     _note(journal, record)
                     meter.advance(cells[record.chunk])

@@ -57,6 +57,7 @@ def run(words: list[str]) -> int:
     output, options = study_folder(words, "verify", {"repair": ("false", "true"), EFFECTS_PATH: ()})
     own = Path(options[EFFECTS_PATH]).resolve() if options[EFFECTS_PATH] else None
     with locked(output):
+        store.recover(output)
         found = damage(output)
         if not found:
             print(f"{output}: every byte reads back as it was written")
@@ -105,12 +106,26 @@ def repair(output: Path, found: Damage, own: Path | None, argv: list[str], clust
             raise InvalidInput([f"{lost[0]}: what was to be computed is not known any more; run the study again"])
         print(f"restored: {', '.join(found.documents)}")
         found = damage(output)
+    _remove_unreadable_shards(path, found)
     settings = recorded(metadata.attributes(path), own, cluster or Cluster(kind="local"))
     _restore_fixed(path, found.fixed, settings)
     (output / "settings.yaml").write_text(settings.record())
     for chunk in found.chunks:
         store.mark_chunk(path.resolve(), chunk, STATUS["pending"])
     return sweep.carry_on(settings, output, argv=argv)
+
+
+def _remove_unreadable_shards(path: Path, found: Damage) -> None:
+    """Remove the shards of damaged chunks: what else they hold is computed again with them.
+
+    A shard whose index is damaged takes no chunk any more.
+    """
+    group = store.open_group(path.resolve())
+    if not store.is_packed(group):
+        return
+    for file in {store.file_of(path, group, chunk, name) for chunk, names in found.chunks.items() for name in names}:
+        file.unlink(missing_ok=True)
+    found.chunks.update({chunk: parts for chunk in store.chunks(group) if (parts := _unreadable(path, group, chunk))})
 
 
 def _reads(group: store.Group, name: str) -> bool:

@@ -1,0 +1,103 @@
+"""A finished store in few files: its chunks side by side in shards, each still with its own checksum."""
+
+import math
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from chatter_core.errors import InvalidInput
+from chatter_core.variables import STATUS
+from pipeline import metadata, store
+from pipeline.locking import locked
+from pipeline.progress import Meter
+from pipeline.study_folder import study_folder
+
+#: What a shard holds at most, uncompressed [bytes]: it is written in one piece.
+SHARD_BYTES = 128 * 1024**2
+
+
+def run(words: list[str]) -> int:
+    """Pack the store of a finished study."""
+    output, _ = study_folder(words, "pack")
+    with locked(output):
+        store.recover(output)
+        before, after = pack(output)
+    print(f"{output / 'lobes.zarr'}: {before} files, now {after}")
+    return 0
+
+
+def pack(output: Path) -> tuple[int, int]:
+    """Pack the store of a study, whose folder is locked; return how many files it was and is.
+
+    Raises InvalidInput for a store that is not finished, or damaged.
+    """
+    path, packing = output / "lobes.zarr", output / store.PACKING
+    group = store.check(path)
+    files = _files(path)
+    if store.is_packed(group):
+        return files, files
+    _require_finished(path, group)
+    shutil.rmtree(packing, ignore_errors=True)
+    # Without the chunk files: what stands in single pieces is taken as it is.
+    shutil.copytree(path, packing, ignore=lambda folder, names: [n for n in names if _is_of_chunks(path, folder, n)])
+    with Meter(len(store.CHUNKED), 0, "variables") as meter:
+        for name in store.CHUNKED:
+            _pack_variable(group, packing, name)
+            meter.advance(1)
+    metadata.reseal(packing, packed=store.now())
+    store.exchange(output)
+    metadata.refresh_copy(path)
+    return files, _files(path)
+
+
+def shard_shape(shape: tuple[int, ...], chunks: tuple[int, ...], item: int) -> tuple[int, ...]:
+    """Return a shard of whole chunks, as large as SHARD_BYTES allows: the last dimensions first.
+
+    shape: of the array; chunks: of a chunk; item: bytes of an element.
+    """
+    shard = list(chunks)
+    for axis in reversed(range(len(shape))):
+        others = item * math.prod(shard) // shard[axis]
+        most = max(1, SHARD_BYTES // (others * chunks[axis]))
+        needed = math.ceil(shape[axis] / chunks[axis])
+        shard[axis] = chunks[axis] * min(most, needed)
+        if most < needed:
+            break
+    return tuple(shard)
+
+
+def _require_finished(path: Path, group: store.Group) -> None:
+    pending = damaged = 0
+    for chunk in store.chunks(group):
+        unreadable = store.unreadable_parts(group, chunk)
+        damaged += bool(unreadable or store.lost_parts(path, group, chunk))
+        pending += not unreadable and bool((store.status_of(group, chunk) == STATUS["pending"]).any())
+    if pending:
+        raise InvalidInput([f"{path}: {pending} chunks are not computed yet; a store is packed when it is finished"])
+    if damaged:
+        raise InvalidInput(
+            [f"{path}: {damaged} chunks are damaged; first: python -m pipeline verify output={path.parent} repair=true"]
+        )
+
+
+def _pack_variable(group: store.Group, packing: Path, name: str) -> None:
+    """Write a variable anew, shard by shard, and compare what then reads back."""
+    source = store.array_of(group, name)
+    shutil.rmtree(packing / name)
+    shard = shard_shape(source.shape, source.chunks, source.dtype.itemsize)
+    target = store.create_packed(packing, name, source, shard)
+    for first in np.ndindex(*(math.ceil(size / step) for size, step in zip(source.shape, shard, strict=True))):
+        region = tuple(slice(i * step, (i + 1) * step) for i, step in zip(first, shard, strict=True))
+        values = np.asarray(source[region])
+        target[region] = values
+        if not np.array_equal(np.asarray(target[region]), values, equal_nan=values.dtype.kind == "f"):
+            raise OSError(0, "does not read back as it was written", str(packing / name))
+
+
+def _is_of_chunks(path: Path, folder: str, name: str) -> bool:
+    return name == "c" and Path(folder).parent == path and Path(folder).name in store.CHUNKED
+
+
+def _files(path: Path) -> int:
+    return sum(file.is_file() for file in path.rglob("*"))

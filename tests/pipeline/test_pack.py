@@ -1,0 +1,94 @@
+"""A finished store in few files: the same numbers, still checked, still repaired."""
+
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+from chatter_core.errors import InvalidInput
+from pipeline import report, store, sweep, verify
+from pipeline.__main__ import main
+from pipeline.pack import SHARD_BYTES, pack, shard_shape
+from pipeline.settings import Cluster
+
+from tests.pipeline.studies import CHUNKS, journal, lobes, sweep as sweep_study  # isort: skip
+
+
+@pytest.fixture(autouse=True)
+def _without_report_and_physics(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out tables and figures, and repair with the stand-in that the store was made with."""
+    monkeypatch.setattr(report, "write", lambda output: [])
+    carry_on = sweep.carry_on
+    monkeypatch.setattr(
+        sweep, "carry_on", lambda *a, **k: carry_on(*a, **{"kernel": "tests.pipeline.standins:plain", **k})
+    )
+
+
+@pytest.fixture
+def output(tmp_path: Path) -> Path:
+    assert sweep_study(tmp_path / "study") == 0
+    return tmp_path / "study"
+
+
+def test_a_packed_store_holds_the_same_in_few_files(output: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = lobes(output)
+    assert main(["pack", f"output={output}"]) == 0
+    assert "files, now" in capsys.readouterr().out
+    xr.testing.assert_identical(lobes(output).drop_attrs(), before.drop_attrs())
+    for name in store.CHUNKED:
+        assert len([file for file in (output / "lobes.zarr" / name / "c").rglob("*") if file.is_file()]) == 1
+    assert not verify.damage(output)
+    assert not {entry.name for entry in output.iterdir()} & {store.PACKING, store.UNPACKED}
+
+
+def test_packing_twice_changes_nothing_and_a_run_finds_nothing_to_do(output: Path) -> None:
+    pack(output)
+    before, after = pack(output)
+    assert before == after
+    assert sweep_study(output) == 0
+    assert len(journal(output, "chunk")) == CHUNKS
+
+
+@pytest.mark.parametrize("place", [-3, 40], ids=["index", "chunk"])
+@pytest.mark.parametrize("name", ["spectral_radius", "status"])
+def test_a_flipped_bit_in_a_shard_is_found_and_repaired(output: Path, name: str, place: int) -> None:
+    before = lobes(output)
+    pack(output)
+    file = next(file for file in (output / "lobes.zarr" / name / "c").rglob("*") if file.is_file())
+    content = bytearray(file.read_bytes())
+    content[place] ^= 1
+    file.write_bytes(content)
+    found = verify.damage(output)
+    assert found
+    assert verify.repair(output, found, None, [], Cluster(kind="serial")) == 0
+    assert not verify.damage(output)
+    xr.testing.assert_identical(lobes(output).drop_attrs(), before.drop_attrs())
+
+
+def test_an_unfinished_store_is_not_packed(output: Path) -> None:
+    store.mark_chunk((output / "lobes.zarr").resolve(), store.Chunk(outer=(0, 1, 0), first=2, last=4), 0)
+    with pytest.raises(InvalidInput, match="1 chunks are not computed yet"):
+        pack(output)
+
+
+def test_packing_that_was_killed_at_its_last_step_is_taken_back(output: Path) -> None:
+    before = lobes(output)
+    (output / "lobes.zarr").rename(output / store.UNPACKED)
+    assert sweep_study(output) == 0
+    xr.testing.assert_identical(lobes(output).drop_attrs(), before.drop_attrs())
+
+
+@pytest.mark.parametrize(
+    ("shape", "chunks", "expected"),
+    [
+        ((1, 2, 2, 6, 4), (1, 1, 1, 2, 4), (1, 2, 2, 6, 4)),
+        ((2, 5, 4, 401, 100), (1, 1, 1, 15, 100), (2, 5, 4, 405, 100)),
+        # 16.8 million elements of eight bytes fill a shard: 83 preloads of 2000 x 100 cells.
+        ((2, 100, 1, 2000, 100), (1, 1, 1, 10, 100), (1, 83, 1, 2000, 100)),
+    ],
+)
+def test_shards_are_whole_chunks_and_no_larger_than_they_may_be(
+    shape: tuple[int, ...], chunks: tuple[int, ...], expected: tuple[int, ...]
+) -> None:
+    assert SHARD_BYTES == 2**27
+    assert shard_shape(shape, chunks, 8) == expected
