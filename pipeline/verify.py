@@ -8,6 +8,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import yaml
+from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS, STRUCTURE, WITH_RESULT
@@ -100,19 +101,21 @@ def repair(output: Path, found: Damage, own: Path | None, argv: list[str], clust
     the study are lost, or cannot be followed by this version of the program.
     """
     path = output / "lobes.zarr"
-    if found.documents:
-        lost = metadata.restore(path)
-        if lost:
-            raise InvalidInput([f"{lost[0]}: what was to be computed is not known any more; run the study again"])
-        print(f"restored: {', '.join(found.documents)}")
-        found = damage(output)
-    _remove_unreadable_shards(path, found)
-    settings = recorded(metadata.attributes(path), own, cluster or Cluster(kind="local"))
-    _restore_fixed(path, found.fixed, settings)
-    (output / "settings.yaml").write_text(settings.record())
-    for chunk in found.chunks:
-        store.mark_chunk(path.resolve(), chunk, STATUS["pending"])
-    return sweep.carry_on(settings, output, argv=argv)
+    # One thread here as where it was computed: the order of summation, and so the last digit, stays the same.
+    with threadpool_limits(1):
+        if found.documents:
+            lost = metadata.restore(path)
+            if lost:
+                raise InvalidInput([f"{lost[0]}: what was to be computed is not known any more; run the study again"])
+            print(f"restored: {', '.join(found.documents)}")
+            found = damage(output)
+        _remove_unreadable_shards(path, found)
+        settings = recorded(metadata.attributes(path), own, cluster or Cluster(kind="local"))
+        _restore_fixed(path, found.fixed, settings)
+        (output / "settings.yaml").write_text(settings.record())
+        for chunk in found.chunks:
+            store.mark_chunk(path.resolve(), chunk, STATUS["pending"])
+        return sweep.carry_on(settings, output, argv=argv)
 
 
 def _remove_unreadable_shards(path: Path, found: Damage) -> None:
