@@ -2,8 +2,10 @@
 
 import logging
 import signal
+import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -13,10 +15,16 @@ from distributed import Client, LocalCluster, WorkerPlugin
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
+from pipeline.errors import WorkersLost
+from pipeline.queue_jobs import open_queue
 from pipeline.settings import Cluster
 
-#: Seconds to wait for the first worker.
-WORKER_PATIENCE = 60
+#: Seconds to wait for a scheduler to answer.
+SCHEDULER_PATIENCE = 60
+#: Seconds between two looks at which workers there are.
+LOOK = 1.0
+#: Seconds between two looks for the first worker, and between two words of how long that takes.
+FIRST_LOOK, WORD_INTERVAL = 0.1, 10.0
 #: Address of the pages that Dask always serves: any free port, from this machine alone.
 LOOPBACK = "127.0.0.1:0"
 
@@ -69,9 +77,40 @@ def _starting_deaf() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
+class Workers:
+    """The workers of a client, looked at every so often: they come and go.
+
+    patience: seconds without any worker after which there is no hope of one.
+    """
+
+    def __init__(self, client: Client, patience: float) -> None:
+        self.client, self.patience = client, patience
+        self.count = max(1, _count(client))
+        self.seen = self.looked = time.monotonic()
+
+    def look(self) -> bool:
+        """Count the workers, unless that was done just now; return whether it was done.
+
+        Raises WorkersLost when there was none for long.
+        """
+        now = time.monotonic()
+        if now - self.looked < LOOK:
+            return False
+        self.looked, found = now, _count(self.client)
+        if found:
+            self.count, self.seen = found, now
+        elif now - self.seen > self.patience:
+            raise WorkersLost(f"cluster: no worker for {self.patience:g} s; nothing is lost, the same command goes on")
+        return True
+
+
 @contextmanager
-def open_client(cluster: Cluster) -> Iterator[Client | None]:
-    """Yield a client of the cluster, None for ``serial``; what was started here is stopped again."""
+def open_client(cluster: Cluster, stopping: Callable[[], bool] = lambda: False) -> Iterator[Client | None]:
+    """Yield a client of the cluster, None for ``serial``; what was started here is stopped again.
+
+    stopping: whether nothing is to be waited for any more. Raises InvalidInput where the cluster cannot be had as it
+    is described, WorkersLost when no worker came.
+    """
     if cluster.kind == "serial":
         yield None
         return
@@ -87,50 +126,79 @@ def open_client(cluster: Cluster) -> Iterator[Client | None]:
         # name up that is missing at a look 15 s after a death, and is then one worker short for good.
         "distributed.deploy.lost-worker-timeout": "365 days",
     }
-    with TemporaryDirectory(prefix="chatter-") as scratch, dask.config.set({**options, "temporary-directory": scratch}):
+    with ExitStack() as started:
+        scratch = started.enter_context(TemporaryDirectory(prefix="chatter-"))
+        started.enter_context(dask.config.set({**options, "temporary-directory": scratch}))
+        told: Callable[[], str] = str
         if cluster.kind == "address":
-            yield from _connect(cluster.address)
+            client = started.enter_context(_connected(cluster.address))
+        elif cluster.job is not None:
+            with _starting_deaf():
+                client, told = started.enter_context(
+                    open_queue(cluster.kind, cluster.job, WORKER_ENVIRONMENT, LOOPBACK)
+                )
         else:
-            processes = cluster.kind == "local"
-            count = cluster.workers or dask.system.CPU_COUNT
-            with ExitStack() as started:
-                with _starting_deaf():
-                    local = started.enter_context(
-                        LocalCluster(
-                            n_workers=count if processes else 1,
-                            threads_per_worker=1 if processes else count,
-                            processes=processes,
-                            # Any free port of this machine alone: nothing is open to others, and runs do not collide.
-                            dashboard_address=LOOPBACK,
-                            worker_dashboard_address=LOOPBACK,
-                            **({"host": "127.0.0.1"} if processes else {}),  # threads speak without a network
-                            silence_logs=logging.CRITICAL,
-                        )
-                    )
-                    client = started.enter_context(Client(local))
-                if processes:
-                    client.register_plugin(DeafToInterrupts())
-                yield _ready(client)
+            client = started.enter_context(_local(cluster))
+        _await_worker(client, cluster.patience, stopping, told)
+        client.register_plugin(OneThreadEach())
+        yield client
 
 
-def _connect(address: str | None) -> Iterator[Client]:
+@contextmanager
+def _local(cluster: Cluster) -> Iterator[Client]:
+    """Yield a client of threads or worker processes on this machine."""
+    processes = cluster.kind == "local"
+    count = cluster.workers or dask.system.CPU_COUNT
+    with ExitStack() as started:
+        with _starting_deaf():
+            local = started.enter_context(
+                LocalCluster(
+                    n_workers=count if processes else 1,
+                    threads_per_worker=1 if processes else count,
+                    processes=processes,
+                    # Any free port of this machine alone: nothing is open to others, and runs do not collide.
+                    dashboard_address=LOOPBACK,
+                    worker_dashboard_address=LOOPBACK,
+                    **({"host": "127.0.0.1"} if processes else {}),  # threads speak without a network
+                    silence_logs=logging.CRITICAL,
+                )
+            )
+            client = started.enter_context(Client(local))
+        if processes:
+            client.register_plugin(DeafToInterrupts())
+        yield client
+
+
+def _connected(address: str | None) -> Client:
+    """Return a client of a scheduler that is there; raise InvalidInput where there is none."""
     try:
-        client = Client(address, timeout=WORKER_PATIENCE)
+        return Client(address, timeout=SCHEDULER_PATIENCE)
     except (OSError, ValueError) as error:
         raise InvalidInput([f"cluster.address: no scheduler answers at {address}: {error}"]) from None
-    with client:
-        yield _ready(client)
 
 
-def _ready(client: Client) -> Client:
-    try:
-        client.wait_for_workers(1, timeout=WORKER_PATIENCE)
-    except TimeoutError:
-        raise InvalidInput([f"cluster: no worker came within {WORKER_PATIENCE} s"]) from None
-    client.register_plugin(OneThreadEach())
-    return client
+def _await_worker(client: Client, patience: float, stopping: Callable[[], bool], told: Callable[[], str]) -> None:
+    """Wait for the first worker and tell how long already (stderr); ``told`` says what there is to wait for.
+
+    Raises WorkersLost when none came, and what ``told`` raises.
+    """
+    began = word = time.monotonic()
+    while not _count(client) and not stopping():
+        now = time.monotonic()
+        if now - began > patience:
+            raise WorkersLost(
+                f"cluster: no worker came within {patience:g} s (cluster.patience_s){told()}; "
+                "nothing is lost, the same command goes on"
+            )
+        said = told()
+        if now - word >= WORD_INTERVAL:
+            word = now
+            print(
+                f"waiting for the first worker, {now - began:.0f} s of {patience:g}{said}", file=sys.stderr, flush=True
+            )
+        time.sleep(FIRST_LOOK)
 
 
-def worker_count(client: Client | None) -> int:
+def _count(client: Client) -> int:
     """Return how many chunks can be computed at once."""
-    return 1 if client is None else max(1, sum(client.nthreads().values()))
+    return sum(client.nthreads().values())

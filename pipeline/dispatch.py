@@ -13,8 +13,7 @@ from distributed.scheduler import KilledWorker
 
 from chatter_core.variables import STATUS
 from pipeline import store
-from pipeline.cluster import WORKER_PATIENCE, worker_count
-from pipeline.errors import WorkersLost
+from pipeline.cluster import Workers
 from pipeline.task import Record, Task, compute_chunk
 
 #: Tasks handed out beyond those being computed, for each worker.
@@ -25,7 +24,7 @@ RETRIES = 2
 RESULT_PATIENCE = 10.0
 #: Seconds between two looks for tasks that have ended; a task takes about a second.
 POLL = 0.01
-#: Seconds between two looks at what the scheduler knows of its workers.
+#: Seconds between two looks for whether a task has been begun.
 LOOK = 0.1
 #: What is said of speeds whose worker is lost while they are computed with nothing beside them.
 TOLD = {
@@ -60,13 +59,13 @@ def signals() -> Iterator[Stopping]:
             signal.signal(number, handler)
 
 
-def dispatched(tasks: list[Task], client: Client | None, stopping: Stopping) -> Iterator[Record]:
+def dispatched(tasks: list[Task], client: Client | None, stopping: Stopping, patience: float) -> Iterator[Record]:
     """Yield what became of every task, in the order in which they end, until stopped; without a client, here.
 
-    Raises WorkersLost when there is no worker for long.
+    Raises WorkersLost when there is no worker for ``patience`` seconds.
     """
     if client is not None:
-        yield from _distributed(tasks, client, stopping)
+        yield from _distributed(tasks, client, stopping, Workers(client, patience))
         return
     for task in tasks:
         if stopping.number:
@@ -74,67 +73,54 @@ def dispatched(tasks: list[Task], client: Client | None, stopping: Stopping) -> 
         yield compute_chunk(task)
 
 
-def _distributed(tasks: list[Task], client: Client, stopping: Stopping) -> Iterator[Record]:
+def _distributed(tasks: list[Task], client: Client, stopping: Stopping, workers: Workers) -> Iterator[Record]:
     """Hand out tasks in a bounded window, so that the scheduler stays small however many there are.
 
-    A worker that dies puts all tasks it held under suspicion; each of those is tried again alone.
+    The window is as wide as there are workers at the time. A worker that dies puts all tasks it held under suspicion;
+    each of those is tried again alone.
     """
     waiting, suspects = iter(tasks), list[Task]()
-    window = worker_count(client) * (1 + WINDOW)
     running = as_completed()
     owner: dict[str, Task] = {}
 
     def hand_out() -> None:
-        task = None if stopping.number else next(waiting, None)
-        if task is not None:
+        while not stopping.number and len(owner) < workers.count * (1 + WINDOW):
+            task = next(waiting, None)
+            if task is None:
+                return
             future = client.submit(compute_chunk, task, pure=False, retries=RETRIES)
             owner[future.key] = task
             running.add(future)
 
-    for _ in range(window):
-        hand_out()
+    hand_out()
     while owner:
-        _wait_for_one(running, client)
-        future = next(running)
-        task = owner.pop(future.key)
-        if not future.cancelled():
-            record = _record_of(future)
-            if record is None:
-                suspects.append(task)
-            else:
-                yield record
-        if stopping.number and owner:
-            # What no worker has begun is taken back; what is in progress is waited for.
-            begun = {key for keys in client.processing().values() for key in keys}
-            for other in list(running.futures):
-                if other.key not in begun:
-                    other.cancel()
+        if workers.look() and stopping.number:
+            _take_back(running, client)
+        if not running.has_ready():
+            time.sleep(POLL)
+        else:
+            future = next(running)
+            task = owner.pop(future.key)
+            if not future.cancelled():
+                record = _record_of(future)
+                if record is None:
+                    suspects.append(task)
+                else:
+                    yield record
         hand_out()
     for task in suspects:
         if not stopping.number:
-            record = _speed_by_speed(task, client, stopping)
+            record = _speed_by_speed(task, client, stopping, workers)
             if record is not None:
                 yield record
 
 
-def _wait_for_one(running: as_completed, client: Client) -> None:
-    """Wait until a task has ended.
-
-    Raises WorkersLost when there was no worker for WORKER_PATIENCE seconds, where as_completed
-    alone would wait for ever.
-    """
-    seen = looked = time.monotonic()
-    while not running.has_ready():
-        time.sleep(POLL)
-        now = time.monotonic()
-        if now - looked > 1.0:
-            looked = now
-            if client.nthreads():
-                seen = now
-            elif now - seen > WORKER_PATIENCE:
-                raise WorkersLost(
-                    f"cluster: no worker for {WORKER_PATIENCE} s; nothing is lost, the same command goes on"
-                )
+def _take_back(running: as_completed, client: Client) -> None:
+    """Take back what no worker has begun; what is in progress is waited for."""
+    begun = {key for keys in client.processing().values() for key in keys}
+    for future in list(running.futures):
+        if future.key not in begun:
+            future.cancel()
 
 
 def _record_of(future: Future) -> Record | None:
@@ -146,7 +132,7 @@ def _record_of(future: Future) -> Record | None:
         return None
 
 
-def _speed_by_speed(task: Task, client: Client, stopping: Stopping) -> Record | None:
+def _speed_by_speed(task: Task, client: Client, stopping: Stopping, workers: Workers) -> Record | None:
     """Compute a chunk on which workers died one speed after another; those that do it again are marked.
 
     Nothing is computed beside them, so a worker's death is a speed's own. None where stopped midway: what is missing
@@ -156,7 +142,7 @@ def _speed_by_speed(task: Task, client: Client, stopping: Stopping) -> Record | 
     for speed in range(chunk.first, chunk.last):
         if stopping.number:
             return None
-        record = _alone(replace(task, chunk=replace(chunk, first=speed, last=speed + 1)), client)
+        record = _alone(replace(task, chunk=replace(chunk, first=speed, last=speed + 1)), client, workers)
         for name, count in record.counts.items():
             counts[name] = counts.get(name, 0) + count
         errors += record.errors
@@ -164,12 +150,13 @@ def _speed_by_speed(task: Task, client: Client, stopping: Stopping) -> Record | 
     return Record(chunk=chunk, counts=counts, seconds=seconds, errors=tuple(errors))
 
 
-def _alone(task: Task, client: Client) -> Record:
+def _alone(task: Task, client: Client, workers: Workers) -> Record:
     """Compute a part of a chunk with nothing beside it; where its worker dies, mark it."""
     future = client.submit(compute_chunk, task, pure=False)
-    began = _begun(future, client)
-    running = as_completed([future])
-    _wait_for_one(running, client)
+    began = _begun(future, client, workers)
+    while not future.done():
+        workers.look()
+        time.sleep(POLL)
     record = _record_of(future)
     if record is not None:
         return record
@@ -180,11 +167,9 @@ def _alone(task: Task, client: Client) -> Record:
     return Record(chunk=task.chunk, counts={why: lost}, seconds=took, errors=(TOLD[why],))
 
 
-def _begun(future: Future, client: Client) -> float:
-    """Wait until a task has a worker, has ended already, or has none for long; return the time."""
-    end = time.monotonic() + WORKER_PATIENCE
-    while not future.done() and time.monotonic() < end:
-        if any(future.key in keys for keys in client.processing().values()):
-            break
+def _begun(future: Future, client: Client, workers: Workers) -> float:
+    """Wait until a task has a worker, or has ended already; return the time."""
+    while not future.done() and not any(future.key in keys for keys in client.processing().values()):
+        workers.look()
         time.sleep(LOOK)
     return time.monotonic()

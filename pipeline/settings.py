@@ -132,18 +132,67 @@ class Grid(Part):
         return self
 
 
+#: A name that a queue is told, as it is.
+QueueName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.,:@+-]{1,64}$")]
+#: A line of a job's script.
+Line = Annotated[str, Field(pattern=r"^[^\n\r]{1,1000}$")]
+#: Queues that jobs with workers can be submitted to.
+QUEUES = ("slurm", "pbs")
+
+
+class QueueJobs(Part):
+    """Jobs of a queue that workers run in, one process a core."""
+
+    count: int = Field(ge=1, le=1000, description="jobs that are kept: one that ends is replaced")
+    cores: int = Field(ge=1, le=1024, description="cores of a job, each with a worker")
+    memory: float = Field(ge=0.25, le=1e5, alias="memory_gib", description="memory of a job, its workers' together")
+    walltime: float = Field(ge=1.0, le=1e5, alias="walltime_min", description="time after which the queue ends a job")
+    drain: float = Field(
+        ge=1.0, le=1e5, alias="drain_s", description="time before the end of a job at which its last worker leaves"
+    )
+    queue: QueueName | None = Field(default=None, description="queue (partition); null: the queue's own default")
+    account: QueueName | None = Field(default=None, description="account that is charged; null: the user's own")
+    directives: tuple[Line, ...] = Field(
+        default=(), description="further options of a job, as its script has them after #SBATCH or #PBS"
+    )
+    prologue: tuple[Line, ...] = Field(default=(), description="lines of a job's script before its workers start")
+    interface: QueueName | None = Field(default=None, description="network interface of workers and scheduler")
+    scheduler_interface: QueueName | None = Field(
+        default=None, description="network interface of the scheduler, where it is another"
+    )
+    log_folder: Path = Field(description="folder for what jobs say, seen by this machine and theirs")
+
+    @model_validator(mode="after")
+    def _is_drained_before_its_end(self) -> Self:
+        if self.drain > 30.0 * self.walltime:
+            whole = 60.0 * self.walltime
+            raise ValueError(f"drain_s: found {self.drain:g} of a walltime of {whole:g} s, allowed: at most half of it")
+        return self
+
+    @property
+    def lifetime(self) -> float:
+        """Longest life of a worker [s]."""
+        return 60.0 * self.walltime - self.drain
+
+
 class Cluster(Part):
     """Where the chunks are computed."""
 
-    kind: Literal["serial", "threads", "local", "address"] = Field(description="where the chunks are computed")
+    kind: Literal["serial", "threads", "local", "address", "slurm", "pbs"] = Field(
+        description="where the chunks are computed"
+    )
     workers: Annotated[int, Field(ge=1, le=1024)] | None = Field(default=None, description="workers; none: one a core")
     address: str | None = Field(default=None, description="address of a running scheduler")
+    job: QueueJobs | None = Field(default=None, description="jobs of a queue")
     cells_per_task: int = Field(
         default=1500, ge=1, le=10_000_000, description="cells of a chunk; about a second at a millisecond a cell"
     )
 
     time_limit: Annotated[float, Field(gt=0.0, le=1e7)] | None = Field(
         default=None, alias="time_limit_s", description="seconds for a chunk, then its worker is ended; null: no limit"
+    )
+    patience: float = Field(
+        default=60.0, gt=0.0, le=1e7, alias="patience_s", description="seconds without any worker, then a run ends"
     )
 
     @model_validator(mode="after")
@@ -152,11 +201,20 @@ class Cluster(Part):
             raise ValueError("address: needed for kind 'address', and only there (tcp://host:port)")
         if self.address is not None and not re.fullmatch(r"(tcp|tls|ws|wss)://[^\s/:]+:[0-9]{1,5}", self.address):
             raise ValueError(f"address: found {self.address!r}, allowed: tcp://host:port (or tls, ws, wss)")
-        if self.workers is not None and self.kind in ("serial", "address"):
-            raise ValueError(f"workers: not allowed for kind '{self.kind}'")
+        if (self.kind in QUEUES) != (self.job is not None):
+            raise ValueError(f"job: needed for kind {' or '.join(map(repr, QUEUES))}, and only there")
+        if self.workers is not None and self.kind not in ("threads", "local"):
+            instead = "; say job.count and job.cores" if self.job else ""
+            raise ValueError(f"workers: not allowed for kind '{self.kind}'{instead}")
         if self.time_limit is not None and self.kind in ("serial", "threads"):
             raise ValueError(
                 f"time_limit_s: not allowed for kind '{self.kind}': only a worker process of its own can be ended"
+            )
+        if self.job is not None and self.time_limit is not None and self.time_limit > 0.5 * self.job.lifetime:
+            # What hangs would outlive its worker, and hang in the next one.
+            raise ValueError(
+                f"time_limit_s: found {self.time_limit:g}, allowed: at most half of the {self.job.lifetime:g} s "
+                "that a worker lives (job.walltime_min less job.drain_s)"
             )
         return self
 

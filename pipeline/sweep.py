@@ -155,8 +155,8 @@ def _compute(settings: Settings, path: Path, journal: Journal, retry_failed: boo
         _compile_once(tasks[0])
     with signals() as stopping:
         try:
-            with open_client(cluster) as client, Meter(total, done) as meter:
-                for record in dispatched(tasks, client, stopping):
+            with open_client(cluster, lambda: bool(stopping.number)) as client, Meter(total, done) as meter:
+                for record in dispatched(tasks, client, stopping, cluster.patience):
                     _note(journal, record)
                     meter.advance(cells[record.chunk])
         except (RuntimeError, OSError) as error:

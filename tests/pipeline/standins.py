@@ -15,6 +15,8 @@ from chatter_core.units import SUFFIXES
 
 #: Preload [N] at which the failing kernels fail.
 BAD_PRELOAD = 200.0
+#: Variable of the environment that names the file for which the gated kernel waits.
+GATE = "STANDIN_GATE"
 #: Below this speed [rpm] the failing kernels fail.
 BAD_SPEED = 9000.0
 
@@ -82,4 +84,12 @@ def hanging(model: Any, **cells: Any) -> LobeBlock:
         while True:
             # One call of many hours that holds the interpreter: no Python thread could end it.
             sum(itertools.repeat(0))
+    return plain(model, **cells)
+
+
+def gated(model: Any, **cells: Any) -> LobeBlock:
+    """Wait at one preload until the file is there that the environment names."""
+    if stages_of(model).machine.spindle.preload == BAD_PRELOAD:
+        while not os.path.exists(os.environ[GATE]):
+            time.sleep(0.02)
     return plain(model, **cells)

@@ -2,8 +2,11 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +70,18 @@ def sweep_process(output: Path, *words: str, kernel: str = "slow") -> subprocess
         text=True,
         start_new_session=True,
     )
+
+
+@contextmanager
+def sweeping(output: Path, *words: str, kernel: str = "slow") -> Iterator[subprocess.Popen[str]]:
+    """Run the small study in a process group of its own, which is gone in the end."""
+    process = sweep_process(output, *words, kernel=kernel)
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
 
 
 def lobes(output: Path) -> xr.Dataset:

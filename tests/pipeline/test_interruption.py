@@ -13,8 +13,8 @@ import pytest
 import xarray as xr
 
 from chatter_core.variables import STATUS
-from pipeline import dispatch, store
-from pipeline.cluster import open_client
+from pipeline import cluster, store
+from pipeline.cluster import Workers, open_client
 from pipeline.errors import WorkersLost
 from pipeline.settings import Cluster
 from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED
@@ -126,13 +126,21 @@ def test_a_second_run_is_refused_and_told_who_works_there(tmp_path: Path) -> Non
     assert len(journal(output, "chunk")) == CHUNKS
 
 
-def test_a_cluster_without_workers_is_not_waited_for_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    running, client = Mock(), Mock()
-    running.has_ready.return_value = False
+def test_workers_are_counted_as_they_come_and_none_is_not_waited_for_without_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    client = Mock()
+    monkeypatch.setattr(cluster, "LOOK", 0.0)
+    client.nthreads.return_value = {"one": 1}
+    workers = Workers(client, patience=0.0)
+    client.nthreads.return_value = {"one": 1, "another": 4}
+    workers.look()
+    assert workers.count == 5
     client.nthreads.return_value = {}
-    monkeypatch.setattr(dispatch, "WORKER_PATIENCE", 0)
     with pytest.raises(WorkersLost, match="no worker for 0 s; nothing is lost, the same command goes on"):
-        dispatch._wait_for_one(running, client)
+        workers.look()
+    # What was handed out to those that are gone stays theirs until they are given up.
+    assert workers.count == 5
 
 
 @pytest.mark.parametrize("kind", ["local", "threads"])

@@ -1,0 +1,193 @@
+"""Jobs as they are submitted, kept and replaced: their scripts, and a queue that stands in for PBS."""
+
+import json
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import xarray as xr
+from dask_jobqueue.pbs import PBSJob
+from dask_jobqueue.slurm import SLURMJob
+
+from pipeline import queue_jobs
+from pipeline.__main__ import main
+from pipeline.cluster import WORKER_ENVIRONMENT
+from pipeline.configuration import compose_settings, sort_words
+from tests.cluster import standin_pbs
+from tests.pipeline.standins import GATE
+from tests.pipeline.studies import CHUNKS, journal, lobes, sweep, sweeping
+
+#: A process that has not come this far in a minute never will; no result depends on it.
+PATIENCE = 60.0
+#: A job of which everything is said.
+WORDS = (
+    "cluster.job.cores=4",
+    "cluster.job.memory_gib=10",
+    "cluster.job.walltime_min=90",
+    "cluster.job.drain_s=300",
+    "cluster.job.queue=fast",
+    "cluster.job.account=shop",
+    "cluster.job.directives=[--constraint=haswell, --exclusive]",
+    "cluster.job.prologue=[export LOADED=yes]",
+    "cluster.job.interface=lo",
+)
+
+
+def script(job_class: type, kind: str, *words: str) -> str:
+    """Return the script of a job of the smoke study."""
+    cluster = compose_settings(sort_words(["study=smoke", f"cluster={kind}", *words], ())).cluster
+    described = queue_jobs._described(cluster.job, WORKER_ENVIRONMENT)
+    return str(job_class(scheduler="tls://192.0.2.1:8786", name="job1", **described).job_script())
+
+
+@pytest.mark.parametrize(
+    ("job_class", "kind", "directives"),
+    [
+        (
+            SLURMJob,
+            "slurm",
+            [
+                "#SBATCH -J chatter",
+                "#SBATCH -p fast",
+                "#SBATCH -A shop",
+                "#SBATCH -n 1",
+                "#SBATCH --cpus-per-task=4",
+                "#SBATCH --mem=10G",
+                "#SBATCH -t 01:30:00",
+                "#SBATCH --constraint=haswell",
+                "#SBATCH --exclusive",
+            ],
+        ),
+        (
+            PBSJob,
+            "pbs",
+            [
+                "#PBS -N chatter",
+                "#PBS -q fast",
+                "#PBS -A shop",
+                "#PBS -l select=1:ncpus=4:mem=10GB",
+                "#PBS -l walltime=01:30:00",
+                "#PBS --constraint=haswell",
+                "#PBS --exclusive",
+            ],
+        ),
+    ],
+)
+def test_a_job_is_asked_for_as_it_is_described(job_class: type, kind: str, directives: list[str]) -> None:
+    written = script(job_class, kind, *WORDS)
+    assert [line for line in written.splitlines() if line.startswith(("#SBATCH", "#PBS"))] == directives
+    assert "--nthreads 1 --memory-limit 2.50GiB --nworkers 4 --nanny" in written
+    assert "--interface lo" in written
+
+
+def test_workers_leave_before_their_job_is_ended() -> None:
+    written = script(SLURMJob, "slurm", *WORDS)
+    [life], [stagger] = (re.findall(rf"--{name} ([0-9]+)s", written) for name in ("lifetime", "lifetime-stagger"))
+    # Dask draws a life evenly between the one less the other and the sum of both [s].
+    assert int(life) + int(stagger) == 90 * 60 - 300
+    assert int(stagger) > 0
+
+
+def test_workers_have_the_environment_of_local_ones_and_what_the_prologue_says() -> None:
+    *head, _ = script(SLURMJob, "slurm", *WORDS).strip().splitlines()
+    asked = "import dask, distributed, json, os; " + (
+        "print(json.dumps([dask.config.get('distributed.nanny.pre-spawn-environ'), os.environ['LOADED'], os.getcwd()]))"
+    )
+    ran = subprocess.run(["bash", "-c", "\n".join([*head, f'{sys.executable} -c "{asked}"'])], capture_output=True)
+    environment, loaded, place = json.loads(ran.stdout)
+    assert environment == WORKER_ENVIRONMENT
+    assert (loaded, place) == ("yes", str(Path.cwd()))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("cluster=local", "cluster.kind=slurm"), "cluster: job: needed for kind 'slurm' or 'pbs', and only there"),
+        (("cluster=slurm", "cluster.kind=local"), "cluster: job: needed for kind 'slurm' or 'pbs', and only there"),
+        (
+            ("cluster=slurm", "cluster.workers=8"),
+            "cluster: workers: not allowed for kind 'slurm'; say job.count and job.cores",
+        ),
+        (
+            ("cluster=pbs", "cluster.job.drain_s=1801"),
+            "cluster.job: drain_s: found 1801 of a walltime of 3600 s, allowed: at most half of it",
+        ),
+        (
+            ("cluster=slurm", "cluster.time_limit_s=1800"),
+            "cluster: time_limit_s: found 1800, allowed: at most half of the 3480 s that a worker lives "
+            "(job.walltime_min less job.drain_s)",
+        ),
+        (("cluster=slurm", "cluster.job.walltime_min=1h"), "cluster.job.walltime_min: found '1h', allowed: "),
+        (("cluster=slurm", "cluster.job.quue=fast"), "cluster.job.quue: unknown key; did you mean queue?"),
+        (("cluster=slurm", "cluster.job.queue=a b"), "cluster.job.queue: found 'a b', allowed: "),
+    ],
+)
+def test_what_cannot_be_a_job_is_told_in_one_sentence(
+    words: tuple[str, ...],
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["sweep", "study=smoke", *words]) == 2
+    [told] = capsys.readouterr().err.splitlines()
+    assert told.startswith(f"error: {message}")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_package_or_command_that_is_not_there_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    words = ["sweep", "study=smoke", "cluster=pbs"]
+    assert main(words) == 2
+    assert "kind 'pbs' needs the command qsub, which is not found; start where it is" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "dask_jobqueue.pbs", None)
+    assert main(words) == 2
+    assert "not installed; install the extra: pip install 'milling-chatter[cluster]'" in capsys.readouterr().err
+
+
+def test_jobs_of_pbs_are_replaced_and_the_study_is_the_serial_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    queue, output, gate = tmp_path / "queue", tmp_path / "study", tmp_path / "gate"
+    queue.mkdir()
+    for name, value in {**standin_pbs.install(queue), GATE: str(gate)}.items():
+        monkeypatch.setenv(name, value)
+    job = ("cluster.job.count=1", "cluster.job.cores=2", "cluster.job.memory_gib=2", "cluster.job.interface=lo")
+    with sweeping(output, "cluster=pbs", *job, kernel="gated") as run:
+        # Half of the chunks are done, and both workers are in the midst of others, when their job is gone.
+        wait_until(run, lambda: len(journal(output, "chunk")) == CHUNKS // 2)
+        [before] = living()
+        subprocess.run(["qdel", before], check=True)
+        wait_until(run, lambda: set(living()) - {before} != set())
+        gate.touch()
+        _, told = run.communicate(timeout=PATIENCE)
+    assert run.returncode == 0, told
+    assert re.search(r"job [0-9]+ has ended\njob [0-9]+ is submitted in its place\n", told)
+    assert living() == []
+    assert len(journal(output, "chunk")) == CHUNKS
+    monkeypatch.setattr("pipeline.report.write", lambda output: [])
+    assert sweep(tmp_path / "serial") == 0
+    xr.testing.assert_identical(lobes(output).drop_attrs(), lobes(tmp_path / "serial").drop_attrs())
+
+
+def living() -> list[str]:
+    """Return the numbers of the jobs that have not ended."""
+    said = subprocess.run(["qselect", "-u", "me"], capture_output=True, text=True, check=True).stdout
+    return [line.partition(".")[0] for line in said.splitlines()]
+
+
+def wait_until(run: "subprocess.Popen[str]", done: Callable[[], bool]) -> None:
+    """Wait until something is so while a run goes on."""
+    end = time.monotonic() + PATIENCE
+    while not done():
+        assert run.poll() is None, run.communicate()
+        assert time.monotonic() < end
+        time.sleep(0.02)
