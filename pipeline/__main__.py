@@ -15,6 +15,7 @@ from chatter_core.errors import ChatterError, InvalidInput
 from chatter_core.reading import nearest, printable
 from pipeline.configuration import groups
 from pipeline.errors import StoreInUse
+from pipeline.mpi import joined
 
 #: Verb -> module with ``run(words) -> exit code``, and what it does.
 VERBS = {
@@ -97,8 +98,8 @@ def main(words: list[str] | None = None) -> int:
         print(_version())
         return 0
     try:
-        with _terminated_in_order():
-            return _verb(words[0])(words[1:])
+        with joined(words) as drives, _terminated_in_order():
+            return _verb(words[0])(words[1:]) if drives else 0
     except InvalidInput as error:
         for problem in error.problems:
             print(f"error: {printable(problem)}", file=sys.stderr)

@@ -40,6 +40,19 @@ WORKER_ENVIRONMENT = {
 }
 
 
+#: How Dask's schedulers and workers are to be.
+CONFIGURATION = {
+    "distributed.worker.daemon": True,
+    "distributed.admin.low-level-log-length": 0,
+    "distributed.nanny.pre-spawn-environ": WORKER_ENVIRONMENT,
+    # The sweep itself tries again, one chunk at a time, what was on a worker that died.
+    "distributed.scheduler.allowed-failures": 1,
+    # A worker that dies is started again by its nanny, however often; by default the cluster gives a
+    # name up that is missing at a look 15 s after a death, and is then one worker short for good.
+    "distributed.deploy.lost-worker-timeout": "365 days",
+}
+
+
 class OneThreadEach(WorkerPlugin):  # type: ignore[misc]
     """Keep the linear algebra of a worker to one thread, also where its environment says nothing."""
 
@@ -116,22 +129,12 @@ def open_client(cluster: Cluster, stopping: Callable[[], bool] = lambda: False) 
         return
     # What an event loop has left unanswered when its workers are gone is no news to anybody.
     logging.getLogger("asyncio").setLevel(logging.CRITICAL)
-    options = {
-        "distributed.worker.daemon": True,
-        "distributed.admin.low-level-log-length": 0,
-        "distributed.nanny.pre-spawn-environ": WORKER_ENVIRONMENT,
-        # The sweep itself tries again, one chunk at a time, what was on a worker that died.
-        "distributed.scheduler.allowed-failures": 1,
-        # A worker that dies is started again by its nanny, however often; by default the cluster gives a
-        # name up that is missing at a look 15 s after a death, and is then one worker short for good.
-        "distributed.deploy.lost-worker-timeout": "365 days",
-    }
     with ExitStack() as started:
         scratch = started.enter_context(TemporaryDirectory(prefix="chatter-"))
-        started.enter_context(dask.config.set({**options, "temporary-directory": scratch}))
+        started.enter_context(dask.config.set({**CONFIGURATION, "temporary-directory": scratch}))
         told: Callable[[], str] = str
-        if cluster.kind == "address":
-            client = started.enter_context(_connected(cluster.address))
+        if cluster.kind in ("address", "mpi"):
+            client = started.enter_context(_connected(cluster.address or _scheduler_of_mpi()))
         elif cluster.job is not None:
             with _starting_deaf():
                 client, told = started.enter_context(
@@ -169,7 +172,15 @@ def _local(cluster: Cluster) -> Iterator[Client]:
         yield client
 
 
-def _connected(address: str | None) -> Client:
+def _scheduler_of_mpi() -> str:
+    """Return the address of the scheduler of the MPI run that this process is of; raise InvalidInput without one."""
+    address = dask.config.get("scheduler_address", None)
+    if address is None:
+        raise InvalidInput(["cluster: kind 'mpi' is asked for by cluster=mpi, and not by cluster.kind"])
+    return str(address)
+
+
+def _connected(address: str) -> Client:
     """Return a client of a scheduler that is there; raise InvalidInput where there is none."""
     try:
         return Client(address, timeout=SCHEDULER_PATIENCE)

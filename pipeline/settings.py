@@ -136,6 +136,8 @@ class Grid(Part):
 QueueName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.,:@+-]{1,64}$")]
 #: A line of a job's script.
 Line = Annotated[str, Field(pattern=r"^[^\n\r]{1,1000}$")]
+#: Most of a walltime that may be left to the end of a job: a worker takes some seconds to begin.
+MOST_DRAIN = 0.9
 #: Queues that jobs with workers can be submitted to.
 QUEUES = ("slurm", "pbs")
 
@@ -164,9 +166,11 @@ class QueueJobs(Part):
 
     @model_validator(mode="after")
     def _is_drained_before_its_end(self) -> Self:
-        if self.drain > 30.0 * self.walltime:
-            whole = 60.0 * self.walltime
-            raise ValueError(f"drain_s: found {self.drain:g} of a walltime of {whole:g} s, allowed: at most half of it")
+        whole = 60.0 * self.walltime
+        if self.drain > MOST_DRAIN * whole:
+            raise ValueError(
+                f"drain_s: found {self.drain:g} of a walltime of {whole:g} s, allowed: at most {MOST_DRAIN:g} of it"
+            )
         return self
 
     @property
@@ -178,7 +182,7 @@ class QueueJobs(Part):
 class Cluster(Part):
     """Where the chunks are computed."""
 
-    kind: Literal["serial", "threads", "local", "address", "slurm", "pbs"] = Field(
+    kind: Literal["serial", "threads", "local", "address", "slurm", "pbs", "mpi"] = Field(
         description="where the chunks are computed"
     )
     workers: Annotated[int, Field(ge=1, le=1024)] | None = Field(default=None, description="workers; none: one a core")

@@ -26,9 +26,9 @@ def main() -> int:
 
     tell("a SLURM of one node is started")
     with one_node() as slurm:
-        tell(f"it is up: {slurm.ask('sinfo', '--version')[0]}, node {slurm.ask('sinfo', '--noheader', '--Node')[0]}")
+        tell(f"it is up: {slurm.ask('sinfo', '--version')[0]}")
         shown = demonstrate(slurm, folder, tell)
-    print(shown.told, file=sys.stderr)
+    print(shown.told.strip(), file=sys.stderr)
     tell(f"the run ended with exit code {shown.code}, all {CHUNKS} chunks computed")
     tell(f"arrays that differ from the serial run's, bit for bit: {', '.join(shown.differing) or 'none'}")
     tell(f"jobs left in the queue: {', '.join(shown.left) or 'none'}")

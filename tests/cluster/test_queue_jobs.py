@@ -113,8 +113,8 @@ def test_workers_have_the_environment_of_local_ones_and_what_the_prologue_says()
             "cluster: workers: not allowed for kind 'slurm'; say job.count and job.cores",
         ),
         (
-            ("cluster=pbs", "cluster.job.drain_s=1801"),
-            "cluster.job: drain_s: found 1801 of a walltime of 3600 s, allowed: at most half of it",
+            ("cluster=pbs", "cluster.job.drain_s=3241"),
+            "cluster.job: drain_s: found 3241 of a walltime of 3600 s, allowed: at most 0.9 of it",
         ),
         (
             ("cluster=slurm", "cluster.time_limit_s=1800"),

@@ -44,8 +44,10 @@ def sweep(output: Path, *words: str, kernel: str = "plain", retry_failed: bool =
     return execute(study(*words), output, retry_failed=retry_failed, kernel=f"tests.pipeline.standins:{kernel}")
 
 
-def sweep_process(output: Path, *words: str, kernel: str = "slow") -> subprocess.Popen[str]:
-    """Run the small study in a process of its own, in a process group of its own."""
+def sweep_process(
+    output: Path, *words: str, kernel: str = "slow", launcher: tuple[str, ...] = ()
+) -> subprocess.Popen[str]:
+    """Run the small study in a process of its own, in a process group of its own; launcher: what starts it."""
     script = (
         "import sys\n"
         "from pathlib import Path\n"
@@ -62,7 +64,7 @@ def sweep_process(output: Path, *words: str, kernel: str = "slow") -> subprocess
     file.write_text(script)
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
     return subprocess.Popen(
-        [sys.executable, str(file), str(output), *words],
+        [*launcher, sys.executable, str(file), str(output), *words],
         cwd=output.parent,
         env=environment,
         stdout=subprocess.PIPE,
@@ -73,9 +75,11 @@ def sweep_process(output: Path, *words: str, kernel: str = "slow") -> subprocess
 
 
 @contextmanager
-def sweeping(output: Path, *words: str, kernel: str = "slow") -> Iterator[subprocess.Popen[str]]:
+def sweeping(
+    output: Path, *words: str, kernel: str = "slow", launcher: tuple[str, ...] = ()
+) -> Iterator[subprocess.Popen[str]]:
     """Run the small study in a process group of its own, which is gone in the end."""
-    process = sweep_process(output, *words, kernel=kernel)
+    process = sweep_process(output, *words, kernel=kernel, launcher=launcher)
     try:
         yield process
     finally:
