@@ -8,7 +8,7 @@ SEEDS  ?= test
 FOLDER ?= results/blind
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep point compare diagnose improve predict identify paper tutorial template report status verify pack bench blind soak test clean
+.PHONY: help run sweep point compare diagnose improve predict identify paper tutorial template report status verify pack bench blind soak slurm test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -72,7 +72,11 @@ soak: $(VENV)/.installed-test ## a study of 2000 chunks killed 20 times and resu
 	rm -rf results/soak
 	$(BIN)/python -m tests.soak results/soak $(ARGS)
 
-test: $(VENV)/.installed-test ## style, types, import contracts and all tests
+slurm: $(VENV)/.installed-test $(VENV)/.queues ## a study in a job of a SLURM on this machine, cancelled midway, into results/slurm (a minute; takes root)
+	rm -rf results/slurm
+	$(BIN)/python -m tests.cluster results/slurm
+
+test: $(VENV)/.installed-test $(VENV)/.queues ## style, types, import contracts and all tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -93,3 +97,12 @@ $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 $(VENV)/.installed-test: pyproject.toml constraints.txt | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
 	@touch $@ $(VENV)/.installed
+
+# A SLURM and an MPI to test with, from Debian's packages. Who is not root does without: those tests then say what they need.
+PROMPTLY := -o Acquire::http::Timeout=20 -o Acquire::Retries=1
+$(VENV)/.queues: | $(BIN)/python
+	@if [ "$$(id -u)" = 0 ] && command -v apt-get > /dev/null && ! { command -v slurmctld && command -v mpirun; } > /dev/null; then \
+		{ apt-get -qq $(PROMPTLY) update && DEBIAN_FRONTEND=noninteractive apt-get -qq $(PROMPTLY) install --yes --no-install-recommends \
+			slurm-wlm munge openmpi-bin; } > $@.log 2>&1 || echo "no SLURM and MPI to test with, see $@.log"; \
+	fi
+	@touch $@

@@ -45,6 +45,7 @@ examples
   python -m pipeline sweep study=smoke
   python -m pipeline sweep study=reference spindle.preload_type=rigid cluster=threads
   python -m pipeline sweep machine=path/to/machine.yaml study=smoke output=my_results
+  python -m pipeline sweep study=overnight cluster=slurm cluster.job.count=8 cluster.job.walltime_min=120
   python -m pipeline point spindle_speed_rpm=12000 axial_depth_mm=1
   python -m pipeline point machine=path/to/machine.yaml spindle_speed_rpm=12000 axial_depth_mm=1 format=json
   python -m pipeline point spindle_speed_rpm=3000 axial_depth_mm=2 'effects=[process_damping]'
@@ -84,7 +85,7 @@ options of verbs
   verify    output=DIR, repair=true, effects_path=DIR
   pack      output=DIR
 
-exit codes: 0 all well, 1 some points failed and are marked, 2 bad input, 3 store in use
+exit codes: 0 all well, 1 some points failed and are marked, or no worker is left, 2 bad input, 3 store in use
 """
 
 

@@ -50,6 +50,8 @@ NAME = "chatter"
 LOOK, PATIENCE = 10.0, 30.0
 #: Jobs that may end one after the other without a worker; then something is wrong, and no more are submitted.
 MOST_IN_VAIN = 3
+#: What comes of a command that submits: it failed, it is gone, or its answer names no job.
+REFUSALS = (RuntimeError, OSError, ValueError)
 #: Jobs that are named where many are told of.
 SHOWN = 8
 #: Dask's word for connections that are encrypted, and refused without the keys.
@@ -125,7 +127,7 @@ class KeptJobs:
             try:
                 for _ in range(self.number):
                     self._submit()
-            except RuntimeError as error:
+            except REFUSALS as error:
                 raise InvalidInput([f"cluster.job: the queue refuses a job: {_complaint(error)}"]) from None
             watch.start()
             yield
@@ -146,7 +148,7 @@ class KeptJobs:
         return f"; in the queue: {names}{', ...' if len(self._jobs) > SHOWN else ''}"
 
     def _submit(self) -> Any:
-        """Submit one more job and return it; raise RuntimeError where the queue refuses it."""
+        """Submit one more job and return it; raise one of REFUSALS where the queue does not take it."""
         job = self.make(f"job{next(self._names)}")
         asyncio.run(job.start())
         self._jobs.append(job)
@@ -178,7 +180,7 @@ class KeptJobs:
         while len(self._jobs) < self.number and self._in_vain < MOST_IN_VAIN:
             try:
                 print(f"job {self._submit().job_id} is submitted in its place", file=sys.stderr, flush=True)
-            except RuntimeError as error:
+            except REFUSALS as error:
                 # The queue may take it at the next look; who waits for workers loses patience on its own.
                 print(f"the queue refuses a job: {_complaint(error)}", file=sys.stderr, flush=True)
                 return
@@ -202,14 +204,17 @@ def _living(kind: str) -> set[str] | None:
 
 def _last_words(folder: Path, job: str) -> str:
     """Return the last line that a job wrote, and where."""
-    for file in sorted(folder.glob(f"*{job}*")):
+    # The file's name has the job's number in it, and no other one: chatter-17.err, or chatter.e17.
+    for file in sorted(folder.glob(f"{NAME}*")):
+        if re.findall(r"\d+", file.name) != [job]:
+            continue
         lines = [line.strip() for line in file.read_text(errors="replace").splitlines() if line.strip()]
         if lines:
             return f"its last words, in {file}: {lines[-1][:200]}"
     return f"it left no word in {folder}"
 
 
-def _complaint(error: RuntimeError) -> str:
+def _complaint(error: Exception) -> str:
     """Return what the command that submits a job had to say, on one line."""
     return " ".join(str(error).partition("stderr:")[2].split()) or str(error)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline import store
 from tests.cluster.slurm import Slurm
-from tests.pipeline.studies import ROOT, journal
+from tests.pipeline.studies import ROOT, ended, journal
 
 #: The smoke study by the textbook's method, which takes long enough to be disturbed: 52 chunks.
 STUDY = ("study=smoke", "method=semi_discretization", "method.intervals=120", "cluster.cells_per_task=12")
@@ -61,18 +61,18 @@ def sweep(slurm: Slurm, output: Path, *words: str) -> subprocess.Popen[str]:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
+        start_new_session=True,
     )
 
 
 def demonstrate(slurm: Slurm, folder: Path, tell: Callable[[str], None]) -> Shown:
     """Compute a study serially, and in a job that is cancelled as soon as it has computed something."""
-    tell("the smoke study in this process alone, to compare with")
-    serial = sweep(slurm, folder / "serial", *STUDY, "cluster=serial")
-    _, told = serial.communicate(timeout=PATIENCE)
+    tell("the smoke study in a process alone, to compare with")
+    with ended(sweep(slurm, folder / "serial", *STUDY, "cluster=serial")) as serial:
+        _, told = serial.communicate(timeout=PATIENCE)
     assert serial.returncode == 0, told
     tell("the same study in a job of two workers")
-    run = sweep(slurm, folder / "slurm", *STUDY, *JOBS)
-    try:
+    with ended(sweep(slurm, folder / "slurm", *STUDY, *JOBS)) as run:
         _until(run, lambda: len(journal(folder / "slurm", "chunk")) > 0)
         [before] = slurm.jobs()
         slurm.ask("scancel", before)
@@ -82,9 +82,6 @@ def demonstrate(slurm: Slurm, folder: Path, tell: Callable[[str], None]) -> Show
         [after] = set(slurm.jobs()) - {before}
         tell(f"job {after} has taken its place")
         _, told = run.communicate(timeout=PATIENCE)
-    finally:
-        run.kill()
-        run.wait()
     return Shown(
         code=run.returncode,
         done=done,

@@ -15,7 +15,7 @@ import xarray as xr
 from distributed import Client
 
 from tests.pipeline.standins import GATE
-from tests.pipeline.studies import CHUNKS, ROOT, journal, lobes, sweep, sweeping
+from tests.pipeline.studies import CHUNKS, ROOT, ended, journal, lobes, sweep, sweep_process
 
 #: A process that has not come this far in a minute never will; no result depends on it.
 PATIENCE = 60.0
@@ -62,7 +62,9 @@ def test_a_worker_joins_another_leaves_and_no_chunk_is_lost(
         wait_until(lambda: file.exists() and bool(file.read_text().strip()))
         address = json.loads(file.read_text())["address"]
         first = started.enter_context(process(tmp_path, "first", *worker, "--name=first", address))
-        run = started.enter_context(sweeping(output, "cluster=address", f"cluster.address={address}", kernel="gated"))
+        run = started.enter_context(
+            ended(sweep_process(output, "cluster=address", f"cluster.address={address}", kernel="gated"))
+        )
         # Half of the chunks are done, and the worker is in the midst of one of the others.
         wait_until(lambda: len(journal(output, "chunk")) == CHUNKS // 2)
         started.enter_context(process(tmp_path, "second", *worker, "--name=second", address))

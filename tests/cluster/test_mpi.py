@@ -12,7 +12,7 @@ import xarray as xr
 from chatter_core.variables import STATUS
 from pipeline.__main__ import main
 from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED
-from tests.pipeline.studies import CHUNKS, ROOT, journal, lobes, sweep, sweeping
+from tests.pipeline.studies import CHUNKS, ROOT, ended, journal, lobes, sweep, sweep_process
 
 #: A run that has not ended in two minutes never will; no result depends on it.
 PATIENCE = 120.0
@@ -36,7 +36,7 @@ def test_a_speed_that_kills_its_worker_is_marked_and_all_others_are_computed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     output, one = tmp_path / "study", "grid.mode_count=[1]"
-    with sweeping(output, one, "cluster=mpi", kernel="deadly", launcher=LAUNCHER) as run:
+    with ended(sweep_process(output, one, "cluster=mpi", kernel="deadly", launcher=LAUNCHER)) as run:
         _, told = run.communicate(timeout=PATIENCE)
     assert run.returncode == 1, told
     assert "Traceback" not in told

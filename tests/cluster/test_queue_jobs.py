@@ -12,6 +12,8 @@ import pytest
 import xarray as xr
 from dask_jobqueue.pbs import PBSJob
 from dask_jobqueue.slurm import SLURMJob
+from distributed import Client
+from distributed.security import Security
 
 from pipeline import queue_jobs
 from pipeline.__main__ import main
@@ -19,7 +21,7 @@ from pipeline.cluster import WORKER_ENVIRONMENT
 from pipeline.configuration import compose_settings, sort_words
 from tests.cluster import standin_pbs
 from tests.pipeline.standins import GATE
-from tests.pipeline.studies import CHUNKS, journal, lobes, sweep, sweeping
+from tests.pipeline.studies import CHUNKS, ended, journal, lobes, sweep, sweep_process
 
 #: A process that has not come this far in a minute never will; no result depends on it.
 PATIENCE = 60.0
@@ -153,29 +155,76 @@ def test_a_package_or_command_that_is_not_there_is_named(
     assert "not installed; install the extra: pip install 'milling-chatter[cluster]'" in capsys.readouterr().err
 
 
-def test_jobs_of_pbs_are_replaced_and_the_study_is_the_serial_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    queue, output, gate = tmp_path / "queue", tmp_path / "study", tmp_path / "gate"
-    queue.mkdir()
-    for name, value in {**standin_pbs.install(queue), GATE: str(gate)}.items():
+#: One job of two workers in the queue that stands in for PBS.
+JOB = (
+    "cluster=pbs",
+    "cluster.job.count=1",
+    "cluster.job.cores=2",
+    "cluster.job.memory_gib=2",
+    "cluster.job.interface=lo",
+)
+
+
+@pytest.fixture
+def queue(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A queue whose jobs are processes of this machine, and a gate for the gated kernel."""
+    (tmp_path / "queue").mkdir()
+    for name, value in standin_pbs.install(tmp_path / "queue").items():
         monkeypatch.setenv(name, value)
-    job = ("cluster.job.count=1", "cluster.job.cores=2", "cluster.job.memory_gib=2", "cluster.job.interface=lo")
-    with sweeping(output, "cluster=pbs", *job, kernel="gated") as run:
+    monkeypatch.setenv(GATE, str(tmp_path / "gate"))
+    monkeypatch.setattr("pipeline.report.write", lambda output: [])
+
+
+@pytest.mark.usefixtures("queue")
+def test_jobs_of_pbs_are_replaced_and_the_study_is_the_serial_one(tmp_path: Path) -> None:
+    output = tmp_path / "study"
+    with ended(sweep_process(output, *JOB, kernel="gated")) as run:
         # Half of the chunks are done, and both workers are in the midst of others, when their job is gone.
         wait_until(run, lambda: len(journal(output, "chunk")) == CHUNKS // 2)
         [before] = living()
         subprocess.run(["qdel", before], check=True)
         wait_until(run, lambda: set(living()) - {before} != set())
-        gate.touch()
+        (tmp_path / "gate").touch()
         _, told = run.communicate(timeout=PATIENCE)
     assert run.returncode == 0, told
     assert re.search(r"job [0-9]+ has ended\njob [0-9]+ is submitted in its place\n", told)
     assert living() == []
     assert len(journal(output, "chunk")) == CHUNKS
-    monkeypatch.setattr("pipeline.report.write", lambda output: [])
     assert sweep(tmp_path / "serial") == 0
     xr.testing.assert_identical(lobes(output).drop_attrs(), lobes(tmp_path / "serial").drop_attrs())
+
+
+@pytest.mark.usefixtures("queue")
+def test_a_study_outlives_its_workers(tmp_path: Path) -> None:
+    output, speeds = tmp_path / "study", "grid.spindle_speed_rpm={start: 8000, stop: 13000, count: 34}"
+    # Two workers live for 6 s at most, and 68 chunks take them 6.8 s at least.
+    life = ("cluster.job.walltime_min=1", "cluster.job.drain_s=54", "cluster.time_limit_s=null")
+    with ended(sweep_process(output, speeds, *JOB, *life)) as run:
+        _, told = run.communicate(timeout=4.0 * PATIENCE)
+    assert run.returncode == 0, told
+    assert re.search(r"job [0-9]+ has ended\njob [0-9]+ is submitted in its place\n", told)
+    assert sweep(tmp_path / "serial", speeds) == 0
+    xr.testing.assert_identical(lobes(output).drop_attrs(), lobes(tmp_path / "serial").drop_attrs())
+
+
+@pytest.mark.usefixtures("queue")
+def test_a_killed_run_leaves_no_job_behind_and_its_scheduler_listens_to_nobody_else(tmp_path: Path) -> None:
+    output = tmp_path / "study"
+    with ended(sweep_process(output, *JOB, kernel="gated")) as run:
+        wait_until(run, lambda: len(journal(output, "chunk")) == CHUNKS // 2)
+        script = next((tmp_path / "queue").glob("script-*")).read_text()
+        [address] = re.findall(r"tls://[0-9.:]+", script)[:1]
+        with pytest.raises(OSError, match=r"(?i)ssl|tls|certificate|closed|timed out"):
+            Client(address, security=Security.temporary(), timeout=5)
+        keys = next((tmp_path / "results" / "jobs").glob(".keys-*"))
+        assert {file.stat().st_mode & 0o777 for file in [keys, *keys.iterdir()]} == {0o700, 0o600}
+        run.kill()
+        run.wait()
+        end = time.monotonic() + PATIENCE
+        (tmp_path / "gate").touch()
+        while living():
+            assert time.monotonic() < end
+            time.sleep(0.02)
 
 
 def living() -> list[str]:

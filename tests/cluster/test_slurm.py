@@ -7,7 +7,7 @@ import pytest
 
 from tests.cluster.demonstration import CHUNKS, PATIENCE, demonstrate, sweep
 from tests.cluster.slurm import Slurm, missing, one_node
-from tests.pipeline.studies import journal
+from tests.pipeline.studies import ended, journal
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
 
@@ -55,8 +55,8 @@ def test_a_study_whose_only_job_is_cancelled_is_the_serial_one_bit_for_bit(slurm
 def test_jobs_that_never_bring_a_worker_are_told_in_one_sentence_and_not_left_behind(
     slurm: Slurm, tmp_path: Path, words: tuple[str, ...], code: int, message: str
 ) -> None:
-    run = sweep(slurm, tmp_path / "study", *JOB, *words)
-    _, told = run.communicate(timeout=PATIENCE)
+    with ended(sweep(slurm, tmp_path / "study", *JOB, *words)) as run:
+        _, told = run.communicate(timeout=PATIENCE)
     assert run.returncode == code, told
     assert message in told
     assert "Traceback" not in told

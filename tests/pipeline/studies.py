@@ -75,11 +75,8 @@ def sweep_process(
 
 
 @contextmanager
-def sweeping(
-    output: Path, *words: str, kernel: str = "slow", launcher: tuple[str, ...] = ()
-) -> Iterator[subprocess.Popen[str]]:
-    """Run the small study in a process group of its own, which is gone in the end."""
-    process = sweep_process(output, *words, kernel=kernel, launcher=launcher)
+def ended(process: subprocess.Popen[str]) -> Iterator[subprocess.Popen[str]]:
+    """Have a process, and the group that it leads, gone in the end, whatever a test finds."""
     try:
         yield process
     finally:
