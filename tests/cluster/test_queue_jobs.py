@@ -196,10 +196,10 @@ def test_jobs_of_pbs_are_replaced_and_the_study_is_the_serial_one(tmp_path: Path
 
 @pytest.mark.usefixtures("queue")
 def test_a_study_outlives_its_workers(tmp_path: Path) -> None:
-    output, speeds = tmp_path / "study", "grid.spindle_speed_rpm={start: 8000, stop: 13000, count: 34}"
-    # Two workers live for 6 s at most, and 68 chunks take them 6.8 s at least.
-    life = ("cluster.job.walltime_min=1", "cluster.job.drain_s=54", "cluster.time_limit_s=null")
-    with ended(sweep_process(output, speeds, *JOB, *life)) as run:
+    output, speeds = tmp_path / "study", "grid.spindle_speed_rpm={start: 8000, stop: 13000, count: 32}"
+    # A worker lives for 12 s at most, and 64 chunks take it 12.8 s at least.
+    life = ("cluster.job.walltime_min=1", "cluster.job.drain_s=48", "cluster.time_limit_s=null")
+    with ended(sweep_process(output, speeds, *JOB, *life, "cluster.job.cores=1")) as run:
         _, told = run.communicate(timeout=4.0 * PATIENCE)
     assert run.returncode == 0, told
     assert re.search(r"job [0-9]+ has ended\njob [0-9]+ is submitted in its place\n", told)
