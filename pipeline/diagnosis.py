@@ -22,6 +22,7 @@ from chatter_core.evidence.candidates import (
     refit,
     slope_of,
 )
+from chatter_core.evidence.failures import Failure
 from chatter_core.evidence.held_out import together
 from chatter_core.evidence.next_measurement import NextMeasurement, next_receptances, of_cut, other_cuts
 from chatter_core.evidence.next_trial import NextTrial, next_trial
@@ -57,7 +58,8 @@ class Diagnosis:
 
     base: the model as it was, calibrated; ranking: nothing missing and single effects; pair: the best pair, None
     where none was tried; powers: of every candidate; judged: the base model and the best ones held against the
-    campaign, by name; held_out: scores on cuts held out, by name; next_trial: the cut that would part the two best;
+    campaign, by name, and left: what each of them fails in that counts; held_out: scores on cuts held out, by name;
+    next_trial: the cut that would part the two best;
     next_measurements: that one and others, what is most worth its cost first; intervals: of the parameters of effects
     that are named, profiled; before_and_after: the base model and the best one with their lobes, for pictures, None
     where nothing is missing; corrections: without a formula, where the verdict is ``unexplained``.
@@ -69,6 +71,7 @@ class Diagnosis:
     pair: Ranked | None
     powers: list[Power]
     judged: dict[str, Version]
+    left: dict[str, list[Failure]]
     verdict: Verdict
     held_out: dict[str, dict[str, Score]] = field(default_factory=dict)
     next_trial: NextTrial | None = None
@@ -159,10 +162,13 @@ def diagnose(
     known = (start or belief).about(model).estimate
     (fit,) = spread(client, [Job(name="base model", call=partial(calibrate, comparison, start=known))])
     base, ranking = _ranking(client, Hypothesis(candidates=(), comparison=comparison, fit=fit), candidates)
-    judged = {NOTHING: _judged(base), **{one.name: _judged(one.best) for one in ranking[:2] if one.name != NOTHING}}
-    pair = _pair(client, base, candidates, ranking, judged)
+    told_of = {NOTHING: base, **{one.name: one.best for one in ranking[:2] if one.name != NOTHING}}
+    judged = {name: _judged(one) for name, one in told_of.items()}
+    left = {name: what_is_left(one, judged[name]) for name, one in told_of.items()}
+    pair = _pair(client, base, candidates, ranking, left)
     if pair is not None:
         judged[pair.name] = _judged(pair.best)
+        left[pair.name] = what_is_left(pair.best, judged[pair.name])
     powers = _powers(client, base, candidates)
     return Diagnosis(
         content=content,
@@ -171,7 +177,8 @@ def diagnose(
         pair=pair,
         powers=powers,
         judged=judged,
-        verdict=decide(ranking, pair, powers, {name: one.failures for name, one in judged.items()}),
+        left=left,
+        verdict=decide(ranking, pair, powers, left),
     )
 
 
@@ -282,19 +289,30 @@ def _judged(hypothesis: Hypothesis) -> Version:
     return version(title, hypothesis.comparison, hypothesis.fit, fitted(hypothesis.fit), ())
 
 
+def what_is_left(hypothesis: Hypothesis, judged: Version) -> list[Failure]:
+    """Return what a hypothesis fails in, but for how large its own effects are within their bounds.
+
+    Their priors say what is usual, and the evidence has counted already how unusual they are.
+    """
+    fit = hypothesis.fit
+    at_bound = {p.name for p, stands in zip(fit.parameters, fit.at_bound, strict=True) if stands}
+    own = effect_parameters(hypothesis.comparison.model) - at_bound
+    return [failure for failure in judged.failures if failure.band.get("parameter") not in own]
+
+
 def _pair(
     client: Client | None,
     base: Hypothesis,
     candidates: Sequence[Candidate],
     ranking: Sequence[Ranked],
-    judged: Mapping[str, Version],
+    left: Mapping[str, Sequence[Failure]],
 ) -> Ranked | None:
     """Return the best pair with the first of the ranking, None where that one suffices or nothing is missing.
 
     Seconds are those that promise most beside the first: what a model with neither says of them may be nothing.
     """
     first = ranking[0]
-    if first.name == NOTHING or not failed_checks(judged[first.name].failures):
+    if first.name == NOTHING or not failed_checks(left[first.name]):
         return None
     named, known = first.best, ground(first.best)
     looks = [
@@ -336,10 +354,15 @@ def _held_out(client: Client | None, hypotheses: Sequence[Hypothesis], belief: B
 def _before(hypothesis: Hypothesis, belief: Belief) -> Array:
     """Return where calibrations without some cuts start: as before the campaign, but for effects not known then."""
     model = hypothesis.comparison.model
-    new = {p.name for term in model.terms if isinstance(term, Effect) for p in term.parameters} - set(belief.names)
+    new = effect_parameters(model) - set(belief.names)
     names = [parameter.name for parameter in model.parameters]
     pairs = zip(names, hypothesis.fit.estimate, belief.about(model).estimate, strict=True)
     return np.array([found if name in new else before for name, found, before in pairs])
+
+
+def effect_parameters(model: CampaignModel) -> set[str]:
+    """Return the names of all parameters of a model's effects."""
+    return {p.name for term in model.terms if isinstance(term, Effect) for p in term.parameters}
 
 
 def name_of(hypothesis: Hypothesis) -> str:

@@ -88,8 +88,8 @@ def model_of(folder: Path, *, frozen: bool, tally: Tally) -> CampaignModel:
 def answer(folder: Path, *, frozen: bool = False) -> dict[str, Any]:
     """Diagnose a campaign and return what is kept of it, as plain data.
 
-    document: diagnosis.json; chances: of what each hypothesis still fails in, by its name; models: model files of
-    the refitted base and of the best supported model; evaluations of the cuts; times [s].
+    document: diagnosis.json; chances: of what each hypothesis still fails in that counts, by its name; models: model
+    files of the refitted base and of the best supported model; evaluations of the cuts; times [s].
     """
     begun, spent, tally = time.perf_counter(), time.process_time(), Tally()
     with threadpool_limits(1):
@@ -98,7 +98,7 @@ def answer(folder: Path, *, frozen: bool = False) -> dict[str, Any]:
         found = diagnose(None, model, PRIORS, Content())
     return {
         "document": document(found, folder.name),
-        "chances": {name: [float(failure.chance) for failure in one.failures] for name, one in found.judged.items()},
+        "chances": {name: [float(one.chance) for one in left] for name, left in found.left.items()},
         "models": models(found),
         "evaluations": tally.evaluations,
         "processor_s": time.process_time() - spent,
