@@ -16,7 +16,8 @@ from tests.pipeline.studies import CHUNKS, ROOT, ended, journal, lobes, sweep, s
 
 #: A run that has not ended in two minutes never will; no result depends on it.
 PATIENCE = 120.0
-LAUNCHER = ("mpirun", "--oversubscribe", "-n", "4")
+#: A scheduler, a driver and one worker.
+LAUNCHER = ("mpirun", "--oversubscribe", "-n", "3")
 
 needs_mpi = pytest.mark.skipif(
     shutil.which("mpirun") is None, reason="needs mpirun: as root, apt-get install openmpi-bin"

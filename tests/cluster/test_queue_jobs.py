@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
 from dask_jobqueue.pbs import PBSJob
@@ -15,12 +16,13 @@ from dask_jobqueue.slurm import SLURMJob
 from distributed import Client
 from distributed.security import Security
 
+from chatter_core.variables import STATUS
 from pipeline import queue_jobs
 from pipeline.__main__ import main
 from pipeline.cluster import WORKER_ENVIRONMENT
 from pipeline.configuration import compose_settings, sort_words
 from tests.cluster import standin_pbs
-from tests.pipeline.standins import GATE
+from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED, GATE
 from tests.pipeline.studies import CHUNKS, ended, journal, lobes, sweep, sweep_process
 
 #: A process that has not come this far in a minute never will; no result depends on it.
@@ -205,6 +207,18 @@ def test_a_study_outlives_its_workers(tmp_path: Path) -> None:
     assert re.search(r"job [0-9]+ has ended\njob [0-9]+ is submitted in its place\n", told)
     assert sweep(tmp_path / "serial", speeds) == 0
     xr.testing.assert_identical(lobes(output).drop_attrs(), lobes(tmp_path / "serial").drop_attrs())
+
+
+@pytest.mark.usefixtures("queue")
+def test_a_speed_that_hangs_in_a_job_is_marked_and_no_other(tmp_path: Path) -> None:
+    output, one = tmp_path / "study", "grid.mode_count=[1]"
+    with ended(sweep_process(output, one, *JOB, "cluster.time_limit_s=1", kernel="hanging")) as run:
+        _, told = run.communicate(timeout=PATIENCE)
+    assert run.returncode == 1, told
+    found = lobes(output)
+    bad = (found["preload"] == BAD_PRELOAD) & (found["spindle_speed"] < BAD_SPEED)
+    expected = xr.where(bad, STATUS["timed_out"], STATUS["ok"]).broadcast_like(found["status"])
+    np.testing.assert_array_equal(found["status"], expected.transpose(*found["status"].dims))
 
 
 @pytest.mark.usefixtures("queue")

@@ -1,5 +1,6 @@
 """A study in jobs of a real SLURM of one node, and what is told where that does not work."""
 
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -60,4 +61,16 @@ def test_jobs_that_never_bring_a_worker_are_told_in_one_sentence_and_not_left_be
     assert run.returncode == code, told
     assert message in told
     assert "Traceback" not in told
+    assert slurm.jobs() == []
+
+
+def test_ctrl_c_ends_the_wait_for_a_worker_and_cancels_what_was_waited_for(slurm: Slurm, tmp_path: Path) -> None:
+    with ended(sweep(slurm, tmp_path / "study", *JOB, "cluster.job.directives=[--hold]")) as run:
+        assert run.stderr is not None
+        waiting = next(line for line in run.stderr if line.startswith("waiting for the first worker, 1"))
+        assert slurm.jobs() == [waiting.split()[-1]]
+        run.send_signal(signal.SIGINT)
+        _, told = run.communicate(timeout=PATIENCE)
+    assert run.returncode == 130, told
+    assert "Go on with: python -m pipeline sweep study=smoke cluster=slurm" in told
     assert slurm.jobs() == []
