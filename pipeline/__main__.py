@@ -5,7 +5,7 @@ import sys
 import textwrap
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from types import FrameType
@@ -15,7 +15,6 @@ from chatter_core.errors import ChatterError, InvalidInput
 from chatter_core.reading import nearest, printable
 from pipeline.configuration import groups
 from pipeline.errors import StoreInUse
-from pipeline.mpi import joined
 
 #: Verb -> module with ``run(words) -> exit code``, and what it does.
 VERBS = {
@@ -33,6 +32,9 @@ VERBS = {
     "pack": "put a finished study's chunks into few files, each still with its own checksum",
     "status": "how far a study is that is being computed, or was: done, failed, rate, time left",
 }
+
+#: Word that asks for an MPI run: all its processes read it, and before anything else is done each has its part.
+MPI = "cluster=mpi"
 
 HELP = """Milling chatter from a bearing's data sheet.
 
@@ -99,7 +101,7 @@ def main(words: list[str] | None = None) -> int:
         print(_version())
         return 0
     try:
-        with joined(words) as drives, _terminated_in_order():
+        with _role(words) as drives, _terminated_in_order():
             return _verb(words[0])(words[1:]) if drives else 0
     except InvalidInput as error:
         for problem in error.problems:
@@ -149,6 +151,12 @@ def _terminated_in_order() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def _role(words: list[str]) -> AbstractContextManager[bool]:
+    """Return whether this process is to do what the words say, and not another one of an MPI run; see pipeline.mpi."""
+    joined: AbstractContextManager[bool] = import_module("pipeline.mpi").joined() if MPI in words else nullcontext(True)
+    return joined
 
 
 def _verb(name: str) -> Callable[[list[str]], int]:

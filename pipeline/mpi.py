@@ -11,21 +11,16 @@ from chatter_core.errors import InvalidInput
 from pipeline.cluster import CONFIGURATION, LOOPBACK
 from pipeline.queue_jobs import missing_extra
 
-#: Word of a command line that asks for it; it is looked for before anything else is read.
-WORD = "cluster=mpi"
 #: What Dask's processes say of themselves is nothing that a user could use.
 QUIET = {"logging": {"distributed": "critical"}}
 
 
 @contextmanager
-def joined(words: list[str]) -> Iterator[bool]:
-    """Yield whether this process is to do what the words say: of an MPI run the second one does, and it alone.
+def joined() -> Iterator[bool]:
+    """Yield whether this process drives: of an MPI run the second one does, and it alone.
 
     To the others nothing is yielded before it is done. Raises InvalidInput where there is no MPI run to join.
     """
-    if WORD not in words:
-        yield True
-        return
     try:
         from dask_mpi import initialize, send_close_signal
         from mpi4py import MPI

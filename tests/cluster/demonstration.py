@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 
 from pipeline import store
 from tests.cluster.slurm import Slurm
-from tests.pipeline.studies import ROOT, ended, journal
+from tests.pipeline.studies import PATIENCE, ROOT, ended, journal, wait_until
 
 #: The smoke study by the textbook's method, which takes long enough to be disturbed: 52 chunks.
 STUDY = ("study=smoke", "method=semi_discretization", "method.intervals=120", "cluster.cells_per_task=12")
@@ -24,10 +23,6 @@ JOBS = (
     "cluster.job.memory_gib=2",
     "cluster.job.interface=lo",
 )
-#: A run that has not come further within so long has hung [s]; no result depends on it.
-PATIENCE = 120.0
-#: Seconds between two looks.
-POLL = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,12 +68,12 @@ def demonstrate(slurm: Slurm, folder: Path, tell: Callable[[str], None]) -> Show
     assert serial.returncode == 0, told
     tell("the same study in a job of two workers")
     with ended(sweep(slurm, folder / "slurm", *STUDY, *JOBS)) as run:
-        _until(run, lambda: len(journal(folder / "slurm", "chunk")) > 0)
+        wait_until(lambda: len(journal(folder / "slurm", "chunk")) > 0, run)
         [before] = slurm.jobs()
         slurm.ask("scancel", before)
         done = len(journal(folder / "slurm", "chunk"))
         tell(f"job {before} is cancelled after {done} of {CHUNKS} chunks")
-        _until(run, lambda: len(set(slurm.jobs()) - {before}) > 0)
+        wait_until(lambda: len(set(slurm.jobs()) - {before}) > 0, run)
         [after] = set(slurm.jobs()) - {before}
         tell(f"job {after} has taken its place")
         _, told = run.communicate(timeout=PATIENCE)
@@ -104,12 +99,3 @@ def _same(one: np.ndarray, other: np.ndarray) -> bool:
     if one.dtype.kind in "fiub":
         return one.dtype == other.dtype and one.tobytes() == other.tobytes()
     return np.array_equal(one, other)
-
-
-def _until(run: subprocess.Popen[str], done: Callable[[], bool]) -> None:
-    """Wait until something is so while a run goes on."""
-    end = time.monotonic() + PATIENCE
-    while not done():
-        assert run.poll() is None, run.communicate()
-        assert time.monotonic() < end
-        time.sleep(POLL)

@@ -50,6 +50,10 @@ PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 """
 
 
+class NotStarted(Exception):
+    """A daemon did not come up; what the daemons said."""
+
+
 @dataclass(frozen=True)
 class Slurm:
     """A SLURM that runs: the environment in which its commands find it."""
@@ -137,11 +141,12 @@ def _answer(slurm: Slurm) -> list[str]:
 
 
 def _wait(done: Callable[[], bool], folder: Path) -> None:
-    """Wait until something is done; fail with what the daemons said where it is not."""
+    """Wait until something is done; raise NotStarted, with what the daemons said, where it is not."""
     end = time.monotonic() + PATIENCE
     while not done():
-        said = {file.name: file.read_text()[-600:] for file in sorted(folder.glob("*.[ls]*[gd]")) if file.is_file()}
-        assert time.monotonic() < end, said
+        if time.monotonic() > end:
+            said = [*folder.glob("*.said"), *folder.glob("*.log")]
+            raise NotStarted("; ".join(f"{file.name}: {file.read_text()[-300:]}" for file in said))
         time.sleep(POLL)
 
 

@@ -5,8 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -15,10 +14,7 @@ import xarray as xr
 from distributed import Client
 
 from tests.pipeline.standins import GATE
-from tests.pipeline.studies import CHUNKS, ROOT, ended, journal, lobes, sweep, sweep_process
-
-#: A process that has not come this far in a minute never will; no result depends on it.
-PATIENCE = 60.0
+from tests.pipeline.studies import CHUNKS, PATIENCE, ROOT, ended, journal, lobes, sweep, sweep_process, wait_until
 
 
 @contextmanager
@@ -41,13 +37,6 @@ def process(folder: Path, name: str, *words: str) -> Iterator[subprocess.Popen[b
         started.wait()
 
 
-def wait_until(done: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE
-    while not done():
-        assert time.monotonic() < end
-        time.sleep(0.02)
-
-
 @pytest.mark.parametrize("way", ["killed", "retired"])
 def test_a_worker_joins_another_leaves_and_no_chunk_is_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str
@@ -58,24 +47,24 @@ def test_a_worker_joins_another_leaves_and_no_chunk_is_lost(
     scheduler = ("distributed.cli.dask_scheduler", "--host=127.0.0.1", "--port=0", "--dashboard-address=127.0.0.1:0")
     worker = ("distributed.cli.dask_worker", "--host=127.0.0.1", "--nthreads=1", "--no-dashboard")
     with ExitStack() as started:
-        started.enter_context(process(tmp_path, "scheduler", *scheduler, f"--scheduler-file={file}"))
-        wait_until(lambda: file.exists() and bool(file.read_text().strip()))
+        serving = started.enter_context(process(tmp_path, "scheduler", *scheduler, f"--scheduler-file={file}"))
+        wait_until(lambda: file.exists() and bool(file.read_text().strip()), serving)
         address = json.loads(file.read_text())["address"]
         first = started.enter_context(process(tmp_path, "first", *worker, "--name=first", address))
         run = started.enter_context(
             ended(sweep_process(output, "cluster=address", f"cluster.address={address}", kernel="gated"))
         )
         # Half of the chunks are done, and the worker is in the midst of one of the others.
-        wait_until(lambda: len(journal(output, "chunk")) == CHUNKS // 2)
+        wait_until(lambda: len(journal(output, "chunk")) == CHUNKS // 2, run)
         started.enter_context(process(tmp_path, "second", *worker, "--name=second", address))
         with Client(address) as client:
             client.wait_for_workers(2, timeout=PATIENCE)
-            wait_until(lambda: all(client.processing().values()))
+            wait_until(lambda: all(client.processing().values()), run)
             if way == "killed":
                 os.killpg(first.pid, signal.SIGKILL)
             else:
                 client.retire_workers(names=["first"], close_workers=True)
-            wait_until(lambda: len(client.nthreads()) == 1)
+            wait_until(lambda: len(client.nthreads()) == 1, run)
         assert len(journal(output, "chunk")) == CHUNKS // 2
         gate.touch()
         _, told = run.communicate(timeout=PATIENCE)

@@ -12,10 +12,8 @@ import xarray as xr
 from chatter_core.variables import STATUS
 from pipeline.__main__ import main
 from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED
-from tests.pipeline.studies import CHUNKS, ROOT, ended, journal, lobes, sweep, sweep_process
+from tests.pipeline.studies import CHUNKS, PATIENCE, ROOT, ended, journal, lobes, sweep, sweep_process
 
-#: A run that has not ended in two minutes never will; no result depends on it.
-PATIENCE = 120.0
 #: A scheduler, a driver and one worker.
 LAUNCHER = ("mpirun", "--oversubscribe", "-n", "3")
 

@@ -5,7 +5,6 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +22,8 @@ from pipeline.cluster import WORKER_ENVIRONMENT
 from pipeline.configuration import compose_settings, sort_words
 from tests.cluster import standin_pbs
 from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED, GATE
-from tests.pipeline.studies import CHUNKS, ended, journal, lobes, sweep, sweep_process
+from tests.pipeline.studies import CHUNKS, PATIENCE, POLL, ended, journal, lobes, sweep, sweep_process, wait_until
 
-#: A process that has not come this far in a minute never will; no result depends on it.
-PATIENCE = 60.0
 #: A job of which everything is said.
 WORDS = (
     "cluster.job.cores=4",
@@ -182,10 +179,10 @@ def test_jobs_of_pbs_are_replaced_and_the_study_is_the_serial_one(tmp_path: Path
     output = tmp_path / "study"
     with ended(sweep_process(output, *JOB, kernel="gated")) as run:
         # Half of the chunks are done, and both workers are in the midst of others, when their job is gone.
-        wait_until(run, lambda: len(journal(output, "chunk")) == CHUNKS // 2)
+        wait_until(lambda: len(journal(output, "chunk")) == CHUNKS // 2, run)
         [before] = living()
         subprocess.run(["qdel", before], check=True)
-        wait_until(run, lambda: set(living()) - {before} != set())
+        wait_until(lambda: set(living()) - {before} != set(), run)
         (tmp_path / "gate").touch()
         _, told = run.communicate(timeout=PATIENCE)
     assert run.returncode == 0, told
@@ -202,7 +199,7 @@ def test_a_study_outlives_its_workers(tmp_path: Path) -> None:
     # A worker lives for 12 s at most, and 64 chunks take it 12.8 s at least.
     life = ("cluster.job.walltime_min=1", "cluster.job.drain_s=48", "cluster.time_limit_s=null")
     with ended(sweep_process(output, speeds, *JOB, *life, "cluster.job.cores=1")) as run:
-        _, told = run.communicate(timeout=4.0 * PATIENCE)
+        _, told = run.communicate(timeout=2.0 * PATIENCE)
     assert run.returncode == 0, told
     assert re.search(r"job [0-9]+ has ended\njob [0-9]+ is submitted in its place\n", told)
     assert sweep(tmp_path / "serial", speeds) == 0
@@ -225,7 +222,7 @@ def test_a_speed_that_hangs_in_a_job_is_marked_and_no_other(tmp_path: Path) -> N
 def test_a_killed_run_leaves_no_job_behind_and_its_scheduler_listens_to_nobody_else(tmp_path: Path) -> None:
     output = tmp_path / "study"
     with ended(sweep_process(output, *JOB, kernel="gated")) as run:
-        wait_until(run, lambda: len(journal(output, "chunk")) == CHUNKS // 2)
+        wait_until(lambda: len(journal(output, "chunk")) == CHUNKS // 2, run)
         script = next((tmp_path / "queue").glob("script-*")).read_text()
         [address] = re.findall(r"tls://[0-9.:]+", script)[:1]
         with pytest.raises(OSError, match=r"(?i)ssl|tls|certificate|closed|timed out"):
@@ -234,23 +231,14 @@ def test_a_killed_run_leaves_no_job_behind_and_its_scheduler_listens_to_nobody_e
         assert {file.stat().st_mode & 0o777 for file in [keys, *keys.iterdir()]} == {0o700, 0o600}
         run.kill()
         run.wait()
-        end = time.monotonic() + PATIENCE
         (tmp_path / "gate").touch()
-        while living():
-            assert time.monotonic() < end
-            time.sleep(0.02)
+    end = time.monotonic() + PATIENCE
+    while living():
+        assert time.monotonic() < end
+        time.sleep(POLL)
 
 
 def living() -> list[str]:
     """Return the numbers of the jobs that have not ended."""
     said = subprocess.run(["qselect", "-u", "me"], capture_output=True, text=True, check=True).stdout
     return [line.partition(".")[0] for line in said.splitlines()]
-
-
-def wait_until(run: "subprocess.Popen[str]", done: Callable[[], bool]) -> None:
-    """Wait until something is so while a run goes on."""
-    end = time.monotonic() + PATIENCE
-    while not done():
-        assert run.poll() is None, run.communicate()
-        assert time.monotonic() < end
-        time.sleep(0.02)

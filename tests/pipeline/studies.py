@@ -5,7 +5,8 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,10 @@ WORDS = (
 )
 CHUNKS = 12
 CELLS = 96
+#: What has not come about after two minutes never will; no result depends on it [s].
+PATIENCE = 120.0
+#: Seconds between two looks.
+POLL = 0.02
 
 
 def study(*words: str) -> Settings:
@@ -83,6 +88,15 @@ def ended(process: subprocess.Popen[str]) -> Iterator[subprocess.Popen[str]]:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
         process.communicate()
+
+
+def wait_until(done: Callable[[], bool], process: subprocess.Popen[Any]) -> None:
+    """Wait until something is so, while a process goes on."""
+    end = time.monotonic() + PATIENCE
+    while not done():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < end
+        time.sleep(POLL)
 
 
 def lobes(output: Path) -> xr.Dataset:

@@ -2,8 +2,6 @@
 
 import os
 import signal
-import subprocess
-import time
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -18,19 +16,7 @@ from pipeline.cluster import Workers, open_client
 from pipeline.errors import WorkersLost
 from pipeline.settings import Cluster
 from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED
-from tests.pipeline.studies import CHUNKS, journal, lobes, sweep, sweep_process
-
-#: A process that has not come this far in a minute never will; no result depends on it.
-PATIENCE = 60.0
-
-
-def wait_for_chunks(process: subprocess.Popen[str], output: Path, count: int) -> None:
-    """Wait until some chunks are done."""
-    end = time.monotonic() + PATIENCE
-    while len(journal(output, "chunk")) < count:
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < end
-        time.sleep(0.02)
+from tests.pipeline.studies import CHUNKS, PATIENCE, journal, lobes, sweep, sweep_process, wait_until
 
 
 def finished_chunks(output: Path) -> list[store.Chunk]:
@@ -57,7 +43,7 @@ def test_an_interrupted_run_goes_on_to_the_same_store(
 ) -> None:
     output = tmp_path / "study"
     process = sweep_process(output, "cluster=serial")
-    wait_for_chunks(process, output, 2)
+    wait_until(lambda: len(journal(output, "chunk")) >= 2, process)
     process.send_signal(number)
     process.communicate(timeout=PATIENCE)
     assert process.returncode == code
@@ -72,7 +58,7 @@ def test_ctrl_c_in_a_terminal_ends_a_run_with_worker_processes_in_good_order(
     output = tmp_path / "study"
     process = sweep_process(output, "cluster=local", "cluster.workers=1")
     try:
-        wait_for_chunks(process, output, 2)
+        wait_until(lambda: len(journal(output, "chunk")) >= 2, process)
         # To the whole group, workers and all, as a terminal does.
         os.killpg(process.pid, signal.SIGINT)
         _, told = process.communicate(timeout=PATIENCE)
@@ -114,7 +100,7 @@ def test_a_speed_that_costs_its_worker_is_marked_and_no_other(
 def test_a_second_run_is_refused_and_told_who_works_there(tmp_path: Path) -> None:
     output = tmp_path / "study"
     first = sweep_process(output, "cluster=serial")
-    wait_for_chunks(first, output, 1)
+    wait_until(lambda: len(journal(output, "chunk")) >= 1, first)
     second = sweep_process(output, "cluster=serial")
     _, told = second.communicate(timeout=PATIENCE)
     assert second.returncode == 3
