@@ -83,7 +83,7 @@ def demonstrate(slurm: Slurm, folder: Path, tell: Callable[[str], None]) -> Show
         jobs=(before, after),
         told=told,
         differing=differing(folder / "serial", folder / "slurm"),
-        left=slurm.jobs(),
+        left=slurm.left(),
     )
 
 

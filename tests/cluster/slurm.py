@@ -69,6 +69,13 @@ class Slurm:
         """Return the jobs that have not ended."""
         return self.ask("squeue", "--noheader", "--format=%i")
 
+    def left(self) -> list[str]:
+        """Return the jobs that are there when those that are cancelled have had their time to end."""
+        end = time.monotonic() + PATIENCE
+        while self.jobs() and time.monotonic() < end:
+            time.sleep(POLL)
+        return self.jobs()
+
 
 def missing() -> str:
     """Return what this machine lacks, "" where a SLURM can be started."""

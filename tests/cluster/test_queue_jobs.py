@@ -187,7 +187,7 @@ def test_jobs_of_pbs_are_replaced_and_the_study_is_the_serial_one(tmp_path: Path
         _, told = run.communicate(timeout=PATIENCE)
     assert run.returncode == 0, told
     assert re.search(r"job [0-9]+ has ended\njob [0-9]+ is submitted in its place\n", told)
-    assert living() == []
+    wait_for_an_empty_queue()
     assert len(journal(output, "chunk")) == CHUNKS
     assert sweep(tmp_path / "serial") == 0
     xr.testing.assert_identical(lobes(output).drop_attrs(), lobes(tmp_path / "serial").drop_attrs())
@@ -232,6 +232,11 @@ def test_a_killed_run_leaves_no_job_behind_and_its_scheduler_listens_to_nobody_e
         run.kill()
         run.wait()
         (tmp_path / "gate").touch()
+    wait_for_an_empty_queue()
+
+
+def wait_for_an_empty_queue() -> None:
+    """Wait until no job is left: one that is cancelled takes its time to end."""
     end = time.monotonic() + PATIENCE
     while living():
         assert time.monotonic() < end

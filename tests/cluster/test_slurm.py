@@ -66,7 +66,7 @@ def test_jobs_that_never_bring_a_worker_are_told_in_one_sentence_and_not_left_be
     assert run.returncode == code, told
     assert message in told
     assert "Traceback" not in told
-    assert slurm.jobs() == []
+    assert slurm.left() == []
 
 
 def test_ctrl_c_ends_the_wait_for_a_worker_and_cancels_what_was_waited_for(slurm: Slurm, tmp_path: Path) -> None:
@@ -78,4 +78,4 @@ def test_ctrl_c_ends_the_wait_for_a_worker_and_cancels_what_was_waited_for(slurm
         _, told = run.communicate(timeout=PATIENCE)
     assert run.returncode == 130, told
     assert "Go on with: python -m pipeline sweep study=smoke cluster=slurm" in told
-    assert slurm.jobs() == []
+    assert slurm.left() == []

@@ -58,8 +58,10 @@ def sweep_process(
         "from pathlib import Path\n"
         "from tests.pipeline.studies import study\n"
         "from pipeline.__main__ import main\n"
-        "from pipeline import sweep\n"
+        "from pipeline import report, sweep\n"
         "if __name__ == '__main__':\n"
+        # Tables and figures take longer than everything else.
+        "    report.write = lambda output: []\n"
         f"    sweep.run = lambda words: sweep.execute(study(*words[1:]), Path(words[0]), argv=words,"
         f" kernel='tests.pipeline.standins:{kernel}')\n"
         "    sys.exit(main(['sweep', *sys.argv[1:]]))\n"
