@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from bokeh.embed import components
-from bokeh.models import ColumnDataSource, CustomJS, HoverTool, InlineStyleSheet, Model, Select
+from bokeh.models import ColumnDataSource, CustomJS, HoverTool, Model, Select
 from bokeh.plotting import figure
 from bokeh.resources import Resources
 
@@ -21,8 +21,8 @@ PARTS = ["bokeh", "bokeh-widgets"]
 HEIGHT = 380
 TOOLS = "pan,wheel_zoom,box_zoom,reset,save"
 #: Widgets live in shadows of their own; the page's colours reach in there as properties.
-WIDGET_STYLE = InlineStyleSheet(
-    css=":host { color: var(--ink); } "
+WIDGET_STYLE = (
+    ":host { color: var(--ink); } "
     ".bk-input, select.bk-input { color: var(--ink); background-color: var(--page); border-color: var(--line); }"
 )
 #: Exchanges what every plot shows for what belongs to the choices.
