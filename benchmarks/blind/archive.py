@@ -1,7 +1,7 @@
-"""Answers in one file, to go on with elsewhere: ``python -m benchmarks.blind.archive {pack,unpack} FOLDER FILE.tar.xz``.
+"""Answers in one file, to go on with elsewhere: python -m benchmarks.blind.archive {pack,unpack} FOLDER FILE.tar.xz.
 
-What diagnoses answered and what their models predicted is kept; campaigns and truths are made again from their seeds, and
-an answer holds only for the campaign and the program that it was computed with.
+What diagnoses answered and what their models predicted is kept; campaigns and truths are made again from their seeds,
+and an answer holds only for the campaign and the program that it was computed with.
 """
 
 import argparse
