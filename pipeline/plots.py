@@ -10,15 +10,19 @@ from typing import Any
 
 import numpy as np
 from bokeh.embed import components
-from bokeh.models import ColumnDataSource, CustomJS, HoverTool, Model, Select
+from bokeh.models import ColumnDataSource, CustomJS, HoverTool, Legend, Model, Select
 from bokeh.plotting import figure
 from bokeh.resources import Resources
 
-#: What stands between the parts of a key.
+#: What stands between the parts of a key where the page knows it.
 BETWEEN = "|"
 #: Parts of the plot library that pages need.
 PARTS = ["bokeh", "bokeh-widgets"]
 HEIGHT = 380
+#: Width of a choice.
+SELECT_WIDTH = 220
+#: Names of lines side by side in a key, as many as fit on a phone.
+ABREAST = 4
 TOOLS = "pan,wheel_zoom,box_zoom,reset,save"
 #: Widgets live in shadows of their own; the page's colours reach in there as properties.
 WIDGET_STYLE = (
@@ -29,9 +33,8 @@ WIDGET_STYLE = (
 EXCHANGE = """
 const key = choices.map((choice) => choice.value).join(between)
 shown.forEach((source, i) => {
-  const data = {}
-  for (const name of Object.keys(source.data))
-    data[name] = all[i].data[key + between + name] ?? all[i].data[name]
+  const data = {...source.data}
+  for (const [name, values] of all[i].get(key)) data[name] = values
   source.data = data
 })
 """
@@ -44,7 +47,9 @@ Columns = Mapping[str, Any]
 class Choices:
     """Choices of a page, and the sources that follow them."""
 
-    def __init__(self, titles: Mapping[str, Mapping[str, str]], first: Mapping[str, str]) -> None:
+    def __init__(
+        self, titles: Mapping[str, Mapping[str, str]], first: Mapping[str, str], width: int = SELECT_WIDTH
+    ) -> None:
         """Make a choice for each title: value -> how it reads; first: which value is shown first."""
         self.first: Key = tuple(first[title] for title in titles)
         self.selects = [
@@ -53,24 +58,27 @@ class Choices:
                 value=first[title],
                 options=list(options.items()),
                 stylesheets=[WIDGET_STYLE],
-                width=220,
+                width=width,
                 visible=len(options) > 1,
             )
             for title, options in titles.items()
         ]
         self.shown: list[ColumnDataSource] = []
-        self.all: list[ColumnDataSource] = []
+        self.all: list[dict[str, dict[str, Any]]] = []
 
     def source(self, data: Mapping[Key, Columns], common: Columns) -> ColumnDataSource:
         """Return a source that shows the columns of the first choice, and of another once that is made.
 
-        data: by key, the same columns for each; common: columns that are the same for all. All are of one length.
+        data: by key, the same columns for each; common: columns that are the same for all.
         """
         shown = ColumnDataSource({**common, **data[self.first]})
-        columns = {BETWEEN.join([*key, name]): values for key, own in data.items() for name, values in own.items()}
         self.shown.append(shown)
-        self.all.append(ColumnDataSource({**common, **columns}))
+        self.all.append({BETWEEN.join(key): dict(columns) for key, columns in data.items()})
         return shown
+
+    def named(self, of: str) -> dict[str, Model]:
+        """Return the choices that there are to make, by names that say of what."""
+        return {f"{of}_{select.title}": select for select in self.selects if select.visible}
 
     def bind(self) -> None:
         """Let the choices change what is shown, once all sources are made."""
@@ -121,6 +129,13 @@ def plot(title: str, x: str, y: str, height: int = HEIGHT, **options: Any) -> fi
 def hover(renderers: Sequence[Any], rows: Sequence[tuple[str, str]], **options: Any) -> HoverTool:
     """Return what is told beside the pointer: rows of a title and a column."""
     return HoverTool(renderers=list(renderers), tooltips=list(rows), **options)
+
+
+def flat_key(key: Legend) -> None:
+    """Let a key lie flat above its plot; a click on a name hides or shows its line."""
+    key.orientation, key.ncols, key.location, key.margin, key.padding = "horizontal", ABREAST, "left", 0, 0
+    key.click_policy = "hide"
+    key.background_fill_alpha, key.border_line_alpha = 0.0, 0.0
 
 
 def numbers(values: Any) -> np.ndarray:

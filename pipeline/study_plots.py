@@ -15,7 +15,7 @@ from chatter_core.variables import BIFURCATION
 from pipeline.best_cuts import best_cuts, removal_rate
 from pipeline.figures import COLOURS, RADIUS_LEVELS, STYLE, modes_label
 from pipeline.lobes import stability_limit
-from pipeline.plots import Choices, Key, hover, numbers, plot
+from pipeline.plots import Choices, Key, flat_key, hover, numbers, plot
 
 #: Most points of a map along speed and depth: finer ones are thinned out, the store holds all.
 MAP_SIZE = (400, 160)
@@ -23,10 +23,8 @@ MAP_SIZE = (400, 160)
 MOST_MAP_POINTS = 2_000_000
 PRELOAD, MODES = "preload", "modes"
 #: What the names of choices begin with.
-CHOICE = "choose_"
+CHOICE = "choose"
 SPEED_LABEL, DEPTH_LABEL = "spindle speed [rpm]", "axial depth [mm]"
-#: Names of lines side by side in a key, as many as fit on a phone.
-ABREAST = 4
 DASHES = {"-": "solid", "--": "dashed"}
 HOW_LOST = {
     BIFURCATION["none"]: "",
@@ -39,7 +37,7 @@ HOW_LOST = {
 def study_plots(lobes: xr.Dataset, preload: float) -> dict[str, Model]:
     """Return choices and plots by name, in the order of the page; preload [N]: the one that is shown first."""
     choices = _choices(lobes, preload)
-    made: dict[str, Model] = {f"{CHOICE}{select.title}": select for select in choices.selects}
+    made = choices.named(CHOICE)
     made["lobes"] = _lobes(lobes, choices)
     if _holds_maps(lobes):
         made["dominant_mode"] = _map_of_dominant_mode(lobes, choices)
@@ -111,7 +109,7 @@ def _lobes(lobes: xr.Dataset, choices: Choices) -> figure:
     )
     _best(made, lobes, choices)
     made.add_layout(made.legend[0], "above")
-    _plain(made.legend[0])
+    flat_key(made.legend[0])
     return made
 
 
@@ -288,15 +286,8 @@ def _over_speed(
         )
     key = Legend(items=[(title, [line]) for title, line in lines.items()])
     made.add_layout(key, "above")
-    _plain(key)
+    flat_key(key)
     return made
-
-
-def _plain(key: Legend) -> None:
-    """Let a key lie flat above its plot; a click on a name hides or shows its line."""
-    key.orientation, key.ncols, key.location, key.margin, key.padding = "horizontal", ABREAST, "left", 0, 0
-    key.click_policy = "hide"
-    key.background_fill_alpha, key.border_line_alpha = 0.0, 0.0
 
 
 def _span(made: figure, lobes: xr.Dataset, *, depth: bool = True) -> None:
