@@ -22,9 +22,9 @@ CAPTIONS = {
 }
 #: Plots that a page has in the place of pictures.
 PLOTTED = {
-    "lobes": "The boundary by the version of the model that is chosen; of a calibrated one with the band in which it lies "
-    "as far as its parameters are uncertain. Cuts as they were judged: green where the model tells them right, red where "
-    "wrongly.",
+    "lobes": "The boundary by the version of the model that is chosen; of a calibrated one with the band in which it "
+    "lies as far as its parameters are uncertain. Cuts as they were judged: green where the model tells them right, "
+    "red where wrongly.",
     "receptances": "Predictions hold the sensor's fitted gain, phase and frequency scale.",
 }
 PAGE = "report.html"

@@ -34,7 +34,7 @@ EXCHANGE = """
 const key = choices.map((choice) => choice.value).join(between)
 shown.forEach((source, i) => {
   const data = {...source.data}
-  for (const [name, values] of all[i].get(key)) data[name] = values
+  for (const [name, values] of Object.entries(all[i][key])) data[name] = values
   source.data = data
 })
 """
