@@ -68,7 +68,7 @@ def lobes(found: Assessment) -> Figure:
             if trials is not None:
                 _trials(axes, trials, version, field)
             _limits(axes, found, field)
-            axes.set_title(_setup(field.machine), loc="right", fontsize="small")
+            axes.set_title(setup_text(field.machine), loc="right", fontsize="small")
             axes.set_ylabel("axial depth [mm]")
         above.set_title(found.described.title, loc="left", fontweight="bold")
         below.set_title(found.refitted.title, loc="left", fontweight="bold")
@@ -134,7 +134,7 @@ def _limits(axes: Axes, found: Assessment, field: Field) -> None:
         )
 
 
-def _setup(machine: Machine) -> str:
+def setup_text(machine: Machine) -> str:
     """Return how cuts were set up, in words."""
     process, spindle = machine.process, machine.spindle
     preload = f", preload {spindle.preload:.0f} N" if spindle is not None else ""

@@ -7,6 +7,8 @@ from typing import Any
 from chatter_core.evidence.assessment import Assessment
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
 from pipeline import comparison_document, comparison_figures, page
+from pipeline.comparison_plots import comparison_plots
+from pipeline.plots import Embedded, embed
 
 CAPTIONS = {
     "lobes": "Boundary of stability as described and as calibrated, with the band in which the latter lies as far as "
@@ -17,6 +19,13 @@ CAPTIONS = {
     "measured chatter frequencies lie from the nearest line of the predicted motion.",
     "pulls": "Parameters of the calibration in widths of what is plausible before measuring. Beyond three the fit "
     "bends a parameter to stand in for something that the model lacks.",
+}
+#: Plots that a page has in the place of pictures.
+PLOTTED = {
+    "lobes": "The boundary by the version of the model that is chosen; of a calibrated one with the band in which it "
+    "lies as far as its parameters are uncertain. Cuts as they were judged: green where the model tells them right, "
+    "red where wrongly.",
+    "receptances": "Predictions hold the sensor's fitted gain, phase and frequency scale.",
 }
 PAGE = "report.html"
 #: Everything that there may be to write.
@@ -66,7 +75,9 @@ def write(found: Assessment, campaign: str, output: Path) -> list[Path]:
             ("Calibrated", [failure.text for failure in found.refitted.failures]),
             ("As described", [failure.text for failure in found.described.failures]),
         ],
-        figures=page.embedded(pictures, CAPTIONS),
+        plots=plots_of(found),
+        captions=PLOTTED,
+        figures=page.embedded([path for path in pictures if path.stem not in PLOTTED], CAPTIONS),
         parameters=_parameter_rows(found),
         reliability=comparison_document.reliability(found),
         coverage=f"{100 * COVERAGE:.0f} %",
@@ -75,6 +86,12 @@ def write(found: Assessment, campaign: str, output: Path) -> list[Path]:
         fit=found.refitted.fit,
     )
     return [*written, *pictures, output / PAGE]
+
+
+def plots_of(found: Assessment | None) -> Embedded | None:
+    """Return the plots of a page that holds two versions of a model side by side, None where there are none."""
+    made = comparison_plots(found) if found is not None else {}
+    return embed(made) if made else None
 
 
 def summary(found: Assessment) -> str:

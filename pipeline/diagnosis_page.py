@@ -4,6 +4,7 @@ from pathlib import Path
 
 from chatter_core.evidence.ranking import NOTHING
 from pipeline import diagnosis_document, diagnosis_figures, page
+from pipeline.comparison_page import PLOTTED, plots_of
 from pipeline.diagnosis import Diagnosis
 from pipeline.diagnosis_document import outcome_error
 
@@ -44,7 +45,9 @@ def write(found: Diagnosis, campaign: str, output: Path) -> list[Path]:
         title=f"What is missing: {campaign}",
         document=document,
         rows=ranking_rows(found),
-        figures=page.embedded(pictures, CAPTIONS),
+        plots=plots_of(found.before_and_after),
+        captions=PLOTTED,
+        figures=page.embedded([path for path in pictures if path.stem not in PLOTTED], CAPTIONS),
     )
     return [*written, *pictures, output / PAGE]
 

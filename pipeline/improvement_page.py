@@ -9,7 +9,7 @@ import pandas as pd
 
 from chatter_core.evidence.scores import ERRORS
 from pipeline import comparison_figures, diagnosis_document, diagnosis_figures, diagnosis_page, improvement_figure, page
-from pipeline.comparison_page import NAMES, PER_CENT
+from pipeline.comparison_page import NAMES, PER_CENT, PLOTTED, plots_of
 from pipeline.diagnosis import Diagnosis
 from pipeline.diagnosis_document import DOCUMENT, POWER
 from pipeline.diagnosis_page import FOLDER, PAGE
@@ -85,7 +85,9 @@ def write(found: Improvement, campaign: str, output: Path) -> list[Path]:
         rows=error_rows(found.history),
         history=page.embedded([output / PICTURE], CAPTIONS),
         steps=[step(*each) for each in zip(found.diagnoses, documents, strict=True)],
-        compared=page.embedded(compared, CAPTIONS),
+        plots=plots_of(shown),
+        captions=PLOTTED,
+        compared=page.embedded([path for path in compared if path.stem not in PLOTTED], CAPTIONS),
         first=page.embedded(of_the_first, CAPTIONS),
         calibration=diagnosis_document.parameters_of(last.base, set()),
     )

@@ -17,3 +17,8 @@ def write(page: Path, template: str, **values: Any) -> None:
 def embedded(pictures: Sequence[Path], captions: Mapping[str, str]) -> list[dict[str, str]]:
     """Return pictures as pages hold them, each with the caption of its name."""
     return [{"caption": captions[path.stem], "data": base64.b64encode(path.read_bytes()).decode()} for path in pictures]
+
+
+def downloads(files: Sequence[Path]) -> list[dict[str, str]]:
+    """Return files as pages hold them for whoever wants to keep them."""
+    return [{"name": path.name, "data": base64.b64encode(path.read_bytes()).decode()} for path in files]

@@ -12,22 +12,35 @@ import xarray as xr
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS, WITH_RESULT
 from pipeline import figures, page, store, tables
+from pipeline.best_cuts import DEPTH_MARGIN, SPEED_MARGIN, best_cuts
 from pipeline.lobes import crossover_speeds, dominance, most_misjudged, stability_limit
+from pipeline.plots import embed
 from pipeline.study_folder import study_folder
+from pipeline.study_plots import CHOICE, study_plots
 
 #: Rows of a table on the page; the CSV files hold all.
 PAGE_ROWS = 24
 #: Ranges of one dominant mode that a sentence holds; the CSV file holds all.
 SENTENCE_RANGES = 6
 CAPTIONS = {
-    "lobes": "The boundary with all modes: bearings at the spindle's speed, and frozen at standstill.",
-    "lobes_by_preload": "The boundary for each preload.",
-    "lobes_by_mode_count": "The boundary for each number of modes kept.",
-    "spectral_radius": "Spectral radius over speed and depth; the black line is the boundary.",
-    "dominant_mode": "The mode that holds the largest share of the critical motion's energy.",
-    "modes": "Modes at the tool tip over speed.",
-    "bearing": "One bearing over speed, for each preload.",
+    "lobes": "A click on a line's name hides or shows it. The star is the cut that removes most, "
+    f"{100.0 * DEPTH_MARGIN:.0f} % below the boundary at all speeds within {100.0 * SPEED_MARGIN:.0f} %.",
+    "dominant_mode": "The mode that holds the largest share of the critical motion's energy; the line is the boundary.",
+    "spectral_radius": "Bearings at the spindle's speed, as in the map above, where the study has both kinds.",
 }
+#: Groups of plots below the lobes.
+GROUPS = {
+    "Modes at the tool tip": ("natural_frequency", "modal_stiffness", "modal_mass", "damping_ratio"),
+    "One bearing": (
+        "radial_stiffness",
+        "inner_contact_angle",
+        "outer_contact_angle",
+        "centrifugal_force",
+        "gyroscopic_moment",
+    ),
+}
+#: Bytes of tables that a page offers; longer ones stand beside it.
+DOWNLOADS = 600_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,9 +75,8 @@ def write(output: Path) -> list[Path]:
         raise InvalidInput([f"{path}: {hollow} cells count as computed but hold no result; the same sweep heals them"])
     preload = _shown_preload(lobes)
     written = [*tables.write(lobes, output / "tables"), *figures.write(lobes, output / "figures", preload)]
-    pictures = [path for path in written if path.suffix == ".png"]
     place = output / "report.html"
-    _page(place, lobes, preload, pictures)
+    _page(place, lobes, preload, [path for path in written if path.suffix == ".csv"])
     return [*written, place]
 
 
@@ -75,8 +87,10 @@ def _shown_preload(lobes: xr.Dataset) -> float:
     return float(own) if own in values else float(values[0])
 
 
-def _page(place: Path, lobes: xr.Dataset, preload: float, pictures: list[Path]) -> None:
+def _page(place: Path, lobes: xr.Dataset, preload: float, written: list[Path]) -> None:
     attributes = lobes.attrs
+    made = study_plots(lobes, preload)
+    short = [path for path in written if path.stat().st_size <= DOWNLOADS / len(written)]
     status = lobes["status"].values
     page.write(
         place,
@@ -85,8 +99,14 @@ def _page(place: Path, lobes: xr.Dataset, preload: float, pictures: list[Path]) 
         subtitle=f"{status.size} operating points, computed {attributes['created']}",
         warnings=_warnings(status, lobes["limits_complete"].values),
         findings=_findings(lobes, preload),
-        tables=[_limits_table(lobes, preload), _crossover_table(lobes)],
-        figures=page.embedded(pictures, CAPTIONS),
+        tables=[_best_table(lobes), _limits_table(lobes, preload), _crossover_table(lobes)],
+        plots=embed(made),
+        choices=[name for name in made if name.startswith(CHOICE)],
+        captions=CAPTIONS,
+        groups=[(heading, names) for heading, names in GROUPS.items() if any(name in made for name in names)],
+        downloads=page.downloads(short),
+        beside=[path.name for path in written if path not in short],
+        store=place.with_name("lobes.zarr").name,
         provenance=_provenance(attributes),
         settings=json.dumps(attributes["settings"], indent=1),
     )
@@ -142,6 +162,21 @@ def _who_sets_the_boundary(ranges: pd.DataFrame) -> str:
     told = [f"mode {row.dominant_mode} ({row.from_rpm:.0f} to {row.to_rpm:.0f} rpm)" for row in ranges.itertuples()]
     more = f", and {len(told) - SENTENCE_RANGES} more" if len(told) > SENTENCE_RANGES else ""
     return f"Crossover: the boundary is set by {', '.join(told[:SENTENCE_RANGES])}{more}."
+
+
+def _best_table(lobes: xr.Dataset) -> PageTable:
+    """Return the cuts that remove most with all modes, and bearings at the spindle's speed where there are both."""
+    cuts = best_cuts(lobes.isel(modal_parameters=[0]))
+    cuts = cuts[cuts["mode_count"] == cuts["mode_count"].max()]
+    columns = ["preload, N", "speed, rpm", "depth, mm", "removal rate, cm\N{SUPERSCRIPT THREE}/min", "boundary"]
+    rows = [
+        [
+            *(_cell(value) for value in (cut.preload, cut.spindle_speed, cut.axial_depth, cut.removal_rate_cm3_min)),
+            "above the grid" if cut.limit_above_grid else "within the grid",
+        ]
+        for cut in cuts.itertuples()
+    ]
+    return PageTable(title="Cuts that remove most, with margins in depth and speed", columns=columns, rows=rows)
 
 
 def _limits_table(lobes: xr.Dataset, preload: float) -> PageTable:

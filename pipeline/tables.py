@@ -7,6 +7,7 @@ import xarray as xr
 
 from chatter_core.units import SUFFIXES
 from chatter_core.variables import STRUCTURE
+from pipeline.best_cuts import best_cuts
 from pipeline.lobes import crossover_speeds, dominance
 
 #: Unit suffixes of the coordinates, for the headers.
@@ -28,6 +29,7 @@ def write(lobes: xr.Dataset, folder: Path) -> list[Path]:
         "modes": _frame(lobes, MODES, "natural_frequency"),
         "dominant_modes": dominance(lobes).rename(columns=_header),
         "crossover_speeds": crossover_speeds(lobes).rename(columns=_header),
+        "best_cuts": best_cuts(lobes).rename(columns=_header),
     }
     paths = []
     for name, table in tables.items():

@@ -68,10 +68,15 @@ def task_of(root: Path, campaigns: str, seed: int, ablation: str) -> Task:
 
 
 def write(path: Path, content: dict[str, Any]) -> None:
+    """Write as ``write_bytes`` does."""
+    write_bytes(path, (json.dumps(content, allow_nan=False) + "\n").encode())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
     """Write beside the place and move: what is there is whole."""
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_suffix(".draft")
-    beside.write_text(json.dumps(content, allow_nan=False) + "\n", encoding="utf-8")
+    beside.write_bytes(content)
     beside.replace(path)
 
 

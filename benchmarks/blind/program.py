@@ -88,16 +88,20 @@ def model_of(folder: Path, *, frozen: bool, tally: Tally) -> CampaignModel:
 def answer(folder: Path, *, frozen: bool = False) -> dict[str, Any]:
     """Diagnose a campaign and return what is kept of it, as plain data.
 
-    document: diagnosis.json; chances: of what each hypothesis still fails in that counts, by its name; models: model
-    files of the refitted base and of the best supported model; evaluations of the cuts; times [s].
+    document: diagnosis.json, but for calibrations of ranked effects; chances: of what each hypothesis still fails in
+    that counts, by its name; models: model files of the refitted base and of the best supported model; evaluations of
+    the cuts; times [s].
     """
     begun, spent, tally = time.perf_counter(), time.process_time(), Tally()
     with threadpool_limits(1):
         model = model_of(folder, frozen=frozen, tally=tally)
         check_enough(model)
         found = diagnose(None, model, PRIORS, Content())
+    told = document(found, folder.name)
+    # Model files hold the calibration of the two that count; that of a dozen others is nine tenths of a document.
+    told["ranking"] = [{key: value for key, value in one.items() if key != "calibration"} for one in told["ranking"]]
     return {
-        "document": document(found, folder.name),
+        "document": told,
         "chances": {name: [float(one.chance) for one in left] for name, left in found.left.items()},
         "models": models(found),
         "evaluations": tally.evaluations,

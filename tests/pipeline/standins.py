@@ -93,3 +93,15 @@ def gated(model: Any, **cells: Any) -> LobeBlock:
         while not os.path.exists(os.environ[GATE]):
             time.sleep(0.02)
     return plain(model, **cells)
+
+
+def lobes_of_a_ramp(model: Any, *, spindle_speed: Any, mode_count: int, **cells: Any) -> LobeBlock:
+    """Return limits within the grid that rise with speed, and by preload and modes, each chattering at 1 kHz."""
+    block = plain(model, spindle_speed=spindle_speed, mode_count=mode_count, **cells)
+    preload = stages_of(model).machine.spindle.preload
+    limit = 1e-3 * (0.4 + 1e-4 * spindle_speed / SUFFIXES["rpm"][0] + 1e-3 * preload - 0.1 * mode_count)
+    block.limit_depth[:] = np.nan
+    block.limit_depth[:, 0] = limit
+    block.limit_chatter_frequency[:] = 1e3 * SUFFIXES["hz"][0]
+    block.spectral_radius[:] = cells["axial_depth"] / limit[:, None]
+    return block

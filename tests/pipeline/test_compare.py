@@ -23,6 +23,7 @@ from chatter_core.evidence.likelihood import balanced_error
 from chatter_core.evidence.measured import OUTCOMES
 from pipeline import comparison_figures, model_file
 from pipeline.__main__ import main
+from tests.pipeline.browser import needs_chromium, opened
 from tests.synthetic import campaign, tip_machine, trials
 
 DATA = Path(__file__).parents[1] / "data"
@@ -92,6 +93,33 @@ def test_everything_is_written_and_says_the_same(down_milling):
         with Image.open(down_milling / "figures" / f"{name}.png") as picture:
             assert picture.size[0] > 1000
     assert not (down_milling / "figures" / "receptances.png").exists()
+
+
+#: What the plot of the lobes shows: how many points its boundary has, and which colours its trials of an outcome.
+SHOWN = """(mark) => {
+    const plot = Bokeh.documents.flatMap((own) => own.roots()).find((one) => one.title?.text?.startsWith("Cuts"))
+    const sources = plot.renderers.map((one) => [one.glyph.type, one.glyph.marker?.value, one.data_source.data])
+    const boundary = sources.find(([type]) => type === "MultiLine")[2]
+    const trials = sources.find(([type, marker]) => type === "Scatter" && marker === mark)[2]
+    return [boundary.xs[0].length, Array.from(trials.colour), Array.from(trials.trial)]
+}"""
+
+
+@needs_chromium
+def test_the_page_shows_the_trials_on_the_lobes_of_the_model_that_is_chosen(down_milling):
+    rows = table(down_milling / "trials.csv")
+    chattered = [row for row in rows if row["outcome"] == "chatter"]
+    with opened(down_milling / "report.html") as page:
+        boundaries = []
+        for title, version in (("Calibrated", "calibrated"), ("Model as described", "as_described")):
+            page.get_by_label("model").select_option(title)
+            points, colours, numbers = page.evaluate(SHOWN, "x")
+            boundaries.append(points)
+            assert numbers == [int(row["trial"]) for row in chattered]
+            right = [float(row[f"margin_{version}"]) > 0.0 for row in chattered]
+            assert [colour == comparison_figures.RIGHT for colour in colours] == right
+    assert min(boundaries) > 10
+    assert boundaries[0] != boundaries[1]
 
 
 def test_marginal_cuts_and_those_without_an_answer_are_not_drawn_as_told_right():

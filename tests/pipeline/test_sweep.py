@@ -62,7 +62,8 @@ def test_smoke_study_has_the_limit_depths_of_the_reference_machine(smoke):
 def test_report_tables_and_figures_are_written(smoke):
     page = (smoke / "report.html").read_text()
     assert "Crossover" in page
-    assert page.count("data:image/png;base64,") == 7
+    assert page.count("data-root-id") >= 12
+    assert len(list((smoke / "figures").glob("*.png"))) == 7
     header = (smoke / "tables" / "limit_depths.csv").read_text().splitlines()[0]
     assert "limit_depth_mm" in header
     assert "spindle_speed_rpm" in header

@@ -16,6 +16,7 @@ import pytest
 
 from pipeline import pieces
 from pipeline.__main__ import main
+from tests.pipeline.browser import needs_chromium, opened
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "docs" / "examples"
@@ -189,3 +190,9 @@ def test_every_file_and_picture_that_the_tutorial_names_is_there():
         assert (ROOT / "docs" / name).exists(), name
     for name in re.findall(r"`(docs/[\w/.]+)`", TEXT):
         assert (ROOT / name).exists(), name
+
+
+@needs_chromium
+def test_the_page_of_the_improvement_shows_the_lobes_of_both_models(told):
+    with opened(told.folder / "results" / "improve-paper_campaign" / "report.html") as page:
+        assert len(set(page.get_by_label("model").locator("option").all_inner_texts())) == 2

@@ -1,14 +1,16 @@
 """Answers that are kept, ablations of files, and diagnoses that fail: none is lost, none is computed in vain."""
 
+import io
 import json
 import subprocess
 import sys
+import tarfile
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from benchmarks.blind import kept, running
+from benchmarks.blind import archive, kept, running
 from benchmarks.blind.__main__ import spread_evenly
 from benchmarks.blind.ablations import ABLATIONS, prepare
 from benchmarks.blind.kept import DONE, FAILED, ROOT
@@ -147,3 +149,28 @@ def test_a_task_is_named_by_campaign_and_ablation(task):
     assert str(task) == "7 whole"
     assert str(replace(task, ablation="frozen")) == "7 frozen"
     assert task.path == Path(task.campaign).parents[1] / "diagnoses" / "campaigns" / "whole" / "7.json"
+
+
+def test_answers_are_handed_on_in_one_file_and_what_is_there_stays(task, tmp_path):
+    keep(task, answer="one")
+    file, other = tmp_path / "answers.tar.xz", tmp_path / "other"
+    assert archive.pack(tmp_path, file) == 1
+    first = file.read_bytes()
+    assert archive.unpack(file, other) == 1
+    elsewhere = kept.task_of(other, "campaigns", 7, "whole")
+    assert elsewhere.path.read_bytes() == task.path.read_bytes()
+    # The same answers make the same file, and those that are there are not replaced.
+    archive.pack(other, file)
+    assert file.read_bytes() == first
+    kept.write(elsewhere.path, {"answer": "another"})
+    assert archive.unpack(file, other) == 0
+    assert kept.read(elsewhere.path) == {"answer": "another"}
+
+
+@pytest.mark.parametrize("name", ["../diagnoses/7.json", "/diagnoses/7.json", "truth/7.json"])
+def test_a_file_of_answers_reaches_nothing_else(tmp_path, name):
+    with tarfile.open(tmp_path / "answers.tar.xz", "w:xz") as made:
+        made.addfile(tarfile.TarInfo(name), io.BytesIO())
+    with pytest.raises(ValueError, match="is no answer of a diagnosis"):
+        archive.unpack(tmp_path / "answers.tar.xz", tmp_path / "folder")
+    assert not (tmp_path / "folder").exists()

@@ -1,0 +1,77 @@
+"""The cuts that remove most: against removal rates and boundaries that are reckoned by hand."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from pipeline.best_cuts import best_cuts, removal_rate, safe_depth
+
+SPEED = np.arange(5000.0, 15001.0, 50.0)
+SETTINGS = {
+    "machine": {
+        "tool": {"teeth": 4, "diameter_mm": 16.0},
+        "process": {"direction": "down", "radial_immersion": 0.4, "feed_per_tooth_mm": 0.08},
+    }
+}
+
+
+def study(limit_mm, *, hollow=()):
+    """Return a study of one line of lobes, with cells that have no result at some speeds."""
+    outer = {"modal_parameters": ["dynamic"], "preload": [100.0], "mode_count": [4]}
+    radius = np.ones((1, 1, 1, len(SPEED), 3))
+    radius[..., list(hollow), 1] = np.nan
+    line, cell = (*outer, "spindle_speed", "crossing"), (*outer, "spindle_speed", "axial_depth")
+    return xr.Dataset(
+        {
+            "limit_depth": (line, np.asarray(limit_mm, dtype=float).reshape(1, 1, 1, -1, 1)),
+            "spectral_radius": (cell, radius),
+        },
+        coords={**outer, "spindle_speed": SPEED, "axial_depth": [1.0, 2.0, 3.0]},
+        attrs={"settings": SETTINGS},
+    )
+
+
+def test_a_removal_rate_is_depth_times_width_times_feed_speed():
+    # 2 mm x 0.4 x 16 mm x (4 x 0.08 mm x 10000 / min) = 12.8 mm2 x 3200 mm/min.
+    assert removal_rate(SETTINGS, 10000.0, 2.0) == pytest.approx(40.96, rel=1e-12)
+
+
+def test_a_slot_is_as_wide_as_the_tool():
+    machine = SETTINGS["machine"]
+    slot = {"machine": {**machine, "process": {**machine["process"], "direction": "slot"}}}
+    assert removal_rate(slot, 10000.0, 2.0) == pytest.approx(2.5 * 40.96, rel=1e-12)
+
+
+def test_without_margins_the_best_cut_lies_on_the_boundary_where_depth_times_speed_is_largest():
+    limit = 2.5 - np.abs(SPEED - 9000.0) / 2000.0
+    depth = safe_depth(study(limit), depth_margin=0.0, speed_margin=0.0).values.ravel()
+    assert depth == pytest.approx(limit, rel=1e-12)
+    found = best_cuts(study(limit))
+    assert len(found) == 1
+    assert not found["limit_above_grid"][0]
+
+
+def test_margins_keep_free_of_the_boundary_at_all_speeds_nearby():
+    peak = np.where(SPEED == 10000.0, 2.9, 1.0)
+    found = best_cuts(study(peak)).iloc[0]
+    # A peak that is narrower than the spindle's own error is none: the fastest cut below 1 mm removes most.
+    assert found["axial_depth"] == pytest.approx(0.9, rel=1e-12)
+    assert found["spindle_speed"] == pytest.approx(14700.0)
+    # 15000 rpm is 2 % above 14706 rpm: faster ones are too near to the end of the grid to be judged.
+    assert found["removal_rate_cm3_min"] == pytest.approx(0.9 * 6.4 * 4 * 0.08 * 14700.0 * 1e-3, rel=1e-12)
+
+
+def test_what_was_not_computed_nearby_is_not_recommended():
+    hollow = np.flatnonzero((SPEED >= 14000.0) & (SPEED <= 14100.0))
+    found = best_cuts(study(np.where(SPEED > 13900.0, 2.0, 1.0), hollow=hollow)).iloc[0]
+    assert found["spindle_speed"] * 0.98 > 14100.0
+
+
+def test_a_boundary_above_the_grid_counts_as_its_last_depth_and_is_told():
+    found = best_cuts(study(np.full(len(SPEED), np.nan))).iloc[0]
+    assert found["axial_depth"] == pytest.approx(0.9 * 3.0, rel=1e-12)
+    assert found["limit_above_grid"]
+
+
+def test_a_line_without_any_result_has_no_best_cut():
+    assert best_cuts(study(np.ones(len(SPEED)), hollow=range(len(SPEED)))).empty
