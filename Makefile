@@ -8,10 +8,10 @@ SEEDS  ?= test
 FOLDER ?= results/blind
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep point compare diagnose improve predict identify paper tutorial template report status verify pack bench blind soak slurm test clean
+.PHONY: help run sweep point compare diagnose improve predict identify paper tutorial template report status verify pack s3 bench blind soak slurm test clean
 
 help: ## list the targets
-	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
 	@echo "  ARGS passes settings on, for example: make sweep STUDY=smoke ARGS='spindle.preload_n=200 cluster=serial'"
 
 run: $(VENV)/.installed ## set up and compute the reference study: store, figures and report
@@ -61,6 +61,9 @@ verify: $(VENV)/.installed ## read a computed study back, by ARGS="output=DIR re
 
 pack: $(VENV)/.installed ## a finished study into few files, by ARGS=output=DIR
 	$(BIN)/python -m pipeline pack $(ARGS)
+
+s3: $(VENV)/.installed-test ## a study in an object store, on a server of this machine: computed, taken up from elsewhere, read back
+	$(BIN)/python -m tests.object_server $(ARGS)
 
 bench: $(VENV)/.installed ## speed and error beside the textbook's method, into results/bench.md
 	$(BIN)/python -m benchmarks $(ARGS)

@@ -58,6 +58,7 @@ examples
   python -m pipeline diagnose campaign=my_campaign
   python -m pipeline improve campaign=my_campaign output=results/improved
   python -m pipeline predict campaign=my_campaign model=model.yaml trials=plan.csv predictions=out.csv
+  python -m pipeline sweep study=overnight store=s3://bucket/machines/first
   python -m pipeline report output=results/smoke-1234abcd
   python -m pipeline status output=results/smoke-1234abcd
   python -m pipeline verify output=results/smoke-1234abcd repair=true
@@ -69,7 +70,8 @@ effects, with the values of configs/effects; one is changed by effects.NAME.KEY=
 {effects}
 
 options of verbs
-  sweep     output=DIR, retry_failed=true, effects=[NAME,...], effects_path=DIR, base=full|static_bearing
+  sweep     output=DIR, store=s3://BUCKET/PREFIX, lease_s=60, retry_failed=true,
+            effects=[NAME,...], effects_path=DIR, base=full|static_bearing
   point     spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static,
             format=text|json, output=DIR, effects=[NAME,...], effects_path=DIR, base=full|static_bearing
   compare   campaign=DIR, model=FILE.yaml, output=DIR
@@ -82,9 +84,9 @@ options of verbs
             output=FILE.yaml
   paper     output=DIR
   template  output=DIR
-  report    output=DIR
-  status    output=DIR, format=text|json
-  verify    output=DIR, repair=true, effects_path=DIR
+  report    output=DIR or store=s3://BUCKET/PREFIX
+  status    output=DIR or store=s3://BUCKET/PREFIX, format=text|json
+  verify    output=DIR or store=s3://BUCKET/PREFIX, repair=true, effects_path=DIR
   pack      output=DIR
 
 exit codes: 0 all well, 1 some points failed and are marked, or no worker is left, 2 bad input, 3 store in use

@@ -4,7 +4,6 @@ Hydra composes the configs that are shipped; nothing of it is ever instantiated.
 looks like a path replaces the machine's parts by the content of that file.
 """
 
-import os
 import re
 from copy import deepcopy
 from dataclasses import dataclass
@@ -90,16 +89,6 @@ def sort_words(words: list[str], options: tuple[str, ...]) -> Words:
     if problems:
         raise InvalidInput(problems)
     return Words(options=found, choices=choices, values=values, machine_file=machine_file)
-
-
-def make_folder(output: Path) -> None:
-    """Make a folder for results; raise InvalidInput when it cannot be one."""
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InvalidInput([f"output: {str(output)[:200]} cannot be used as a folder: {error.strerror}"]) from None
-    if not os.access(output, os.W_OK | os.X_OK):
-        raise InvalidInput([f"output: {output} cannot be written: Permission denied"])
 
 
 def compose_settings(words: Words) -> Settings:

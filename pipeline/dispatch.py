@@ -162,8 +162,8 @@ def _alone(task: Task, client: Client, workers: Workers) -> Record:
         return record
     took = time.monotonic() - began
     why = "timed_out" if task.time_limit is not None and took >= task.time_limit else "worker_lost"
-    store.mark_chunk(task.store, task.chunk, STATUS[why])
-    lost = store.status_of(store.open_group(task.store), task.chunk).size
+    store.mark_chunk(task.place, task.chunk, STATUS[why])
+    lost = store.status_of(store.open_group(task.place), task.chunk).size
     return Record(chunk=task.chunk, counts={why: lost}, seconds=took, errors=(TOLD[why],))
 
 

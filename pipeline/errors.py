@@ -13,3 +13,7 @@ class WorkersLost(ChatterError):
 
 class StorageFailed(ChatterError):
     """A file of a store could not be written or read."""
+
+
+class StoreUnavailable(OSError):
+    """An object store does not answer, or does not let us in; nothing is known of what it holds."""

@@ -22,7 +22,8 @@ from chatter_core.tip import AXES
 from chatter_core.units import si_factor
 from pipeline import identify_figure
 from pipeline.campaigns import remarks
-from pipeline.configuration import Words, compose_settings, make_folder, sort_words
+from pipeline.configuration import Words, compose_settings, sort_words
+from pipeline.locking import make_folder
 
 #: What a machine needs beside its tip; nothing of it shows in a receptance.
 REST = ("tool", "cutting", "process")

@@ -23,9 +23,9 @@ from chatter_core.reading import shown
 from pipeline import comparison_document, diagnosis_document
 from pipeline.campaigns import WORDS, Asked, CampaignOptions, options_of, read
 from pipeline.cluster import open_client
-from pipeline.configuration import make_folder, sort_words
+from pipeline.configuration import sort_words
 from pipeline.errors import StoreInUse
-from pipeline.locking import locked, remove_empty
+from pipeline.locking import locked, make_folder, remove_empty
 
 Found = TypeVar("Found")
 

@@ -14,6 +14,16 @@ from chatter_core.errors import InvalidInput
 from pipeline.errors import StoreInUse
 
 
+def make_folder(output: Path) -> None:
+    """Make a folder for results; raise InvalidInput when it cannot be one."""
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInput([f"output: {str(output)[:200]} cannot be used as a folder: {error.strerror}"]) from None
+    if not os.access(output, os.W_OK | os.X_OK):
+        raise InvalidInput([f"output: {output} cannot be written: Permission denied"])
+
+
 @contextmanager
 def locked(output: Path) -> Iterator[None]:
     """Hold the folder for this run; the lock frees itself when the process dies, however it dies."""

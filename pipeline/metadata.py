@@ -5,76 +5,80 @@ beside the store from which it is restored; what it says of the arrays restores 
 """
 
 import json
-import os
 import zlib
-from pathlib import Path
 from typing import Any
+
+from pipeline.errors import StoreUnavailable
+from pipeline.places import LOBES, Place
 
 #: Name of a document in a store, of the attribute that seals the root's, and of its copy beside the store.
 DOCUMENT, SEAL, COPY = "zarr.json", "checksum", "metadata.json"
+#: The root document of a study's store.
+ROOT = f"{LOBES}/{DOCUMENT}"
 
 
-def attributes(path: Path) -> dict[str, Any]:
-    """Return the attributes of a store as they are on the disk."""
-    found: dict[str, Any] = json.loads((path / DOCUMENT).read_bytes())["attributes"]
+def attributes(place: Place) -> dict[str, Any]:
+    """Return the attributes of a store as they are in its place."""
+    found: dict[str, Any] = json.loads(place.read(ROOT))["attributes"]
     return found
 
 
-def update(path: Path, **changes: Any) -> None:
+def update(place: Place, **changes: Any) -> None:
     """Change attributes of a store, and seal it."""
-    document = json.loads((path / DOCUMENT).read_bytes())
+    document = json.loads(place.read(ROOT))
     document["attributes"] |= changes
     sealed = _sealed(document)
     # The copy comes second: a run that is killed between leaves an older one, which its seal shows to be whole.
-    for file in (path / DOCUMENT, path.parent / COPY):
-        _write(file, sealed)
+    for key in (ROOT, COPY):
+        place.write(key, sealed)
 
 
-def reseal(path: Path, **changes: Any) -> None:
-    """Take the documents of the arrays as they are into the root of a store, change attributes, and seal it."""
-    document = json.loads((path / DOCUMENT).read_bytes())
-    for name in _described(document):
-        _described(document)[name] = json.loads((path / name / DOCUMENT).read_bytes())
+def reseal(place: Place, name: str, **changes: Any) -> None:
+    """Take the documents of the arrays as they are into the root of a store, change attributes, and seal it.
+
+    name: of the store in its place.
+    """
+    document = json.loads(place.read(f"{name}/{DOCUMENT}"))
+    for array in _described(document):
+        _described(document)[array] = json.loads(place.read(f"{name}/{array}/{DOCUMENT}"))
     document["attributes"] |= changes
-    _write(path / DOCUMENT, _sealed(document))
+    place.write(f"{name}/{DOCUMENT}", _sealed(document))
 
 
-def refresh_copy(path: Path) -> None:
+def refresh_copy(place: Place) -> None:
     """Make the copy beside a store what the root is, after a run that was killed between the two."""
-    copy = path.parent / COPY
-    root = (path / DOCUMENT).read_bytes()
-    if _intact(path / DOCUMENT) is not None and (not copy.exists() or copy.read_bytes() != root):
-        _write(copy, root)
+    root = place.read(ROOT)
+    if _intact(root) is not None and _read(place, COPY) != root:
+        place.write(COPY, root)
 
 
-def problems(path: Path) -> dict[str, str]:
+def problems(place: Place) -> dict[str, str]:
     """Return what is wrong with the documents of a store, by their place in it; nothing when all is well."""
-    root = _intact(path / DOCUMENT)
+    root = _intact(_read(place, ROOT))
     if root is None:
         return {DOCUMENT: "does not bear its checksum"}
-    found = {}
-    for name, expected in _described(root).items():
-        file = path / name / DOCUMENT
-        if not file.exists() or file.read_bytes() != _text(expected):
-            found[f"{name}/{DOCUMENT}"] = "is not as the root describes it"
-    return found
+    described = _described(root)
+    texts = place.each(lambda name: _read(place, f"{LOBES}/{name}/{DOCUMENT}"), described)
+    return {
+        f"{name}/{DOCUMENT}": "is not as the root describes it"
+        for name, text in zip(described, texts, strict=True)
+        if text != _text(described[name])
+    }
 
 
-def restore(path: Path) -> list[str]:
+def restore(place: Place) -> list[str]:
     """Restore what is wrong with the documents of a store; return what could not be."""
-    found = problems(path)
+    found = problems(place)
     if DOCUMENT in found:
-        copy = _intact(path.parent / COPY)
+        copy = _intact(_read(place, COPY))
         if copy is None:
-            return [f"{path / DOCUMENT} is damaged, and so is its copy {path.parent / COPY}"]
-        _write(path / DOCUMENT, _text(copy))
-        found = problems(path)
-    root = _intact(path / DOCUMENT)
+            return [f"{place.where(ROOT)} is damaged, and so is its copy {place.where(COPY)}"]
+        place.write(ROOT, _text(copy))
+        found = problems(place)
+    root = _intact(_read(place, ROOT))
     assert root is not None
-    for place in found:
-        file = path / place
-        file.parent.mkdir(exist_ok=True)
-        _write(file, _text(_described(root)[file.parent.name]))
+    for document in found:
+        place.write(f"{LOBES}/{document}", _text(_described(root)[document.partition("/")[0]]))
     return []
 
 
@@ -84,13 +88,22 @@ def _described(root: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _intact(file: Path) -> dict[str, Any] | None:
+def _read(place: Place, key: str) -> bytes | None:
+    """Return a document, None where there is none that can be read."""
+    try:
+        return place.read(key)
+    except StoreUnavailable:
+        raise
+    except OSError:
+        return None
+
+
+def _intact(text: bytes | None) -> dict[str, Any] | None:
     """Return a sealed document, None where it does not bear its seal."""
     try:
-        text = file.read_bytes()
-        document: dict[str, Any] = json.loads(text)
+        document: dict[str, Any] = json.loads(text or b"")
         return document if text == _sealed(document) else None
-    except (OSError, ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError):
         return None
 
 
@@ -103,13 +116,3 @@ def _sealed(document: dict[str, Any]) -> bytes:
 
 def _text(document: dict[str, Any]) -> bytes:
     return json.dumps(document, indent=2).encode()
-
-
-def _write(file: Path, content: bytes) -> None:
-    """Write a file whole or not at all."""
-    partial = file.with_name(f"{file.name}.partial")
-    try:
-        partial.write_bytes(content)
-        os.replace(partial, file)
-    finally:
-        partial.unlink(missing_ok=True)

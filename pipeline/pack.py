@@ -9,9 +9,10 @@ import numpy as np
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS
 from pipeline import metadata, store
-from pipeline.locking import locked
+from pipeline.places import LOBES, Folder
+from pipeline.places.folder import PACKING
 from pipeline.progress import Meter
-from pipeline.study_folder import study_folder
+from pipeline.study_place import study_place
 
 #: What a shard holds at most, uncompressed [bytes]: it is written in one piece.
 SHARD_BYTES = 128 * 1024**2
@@ -19,25 +20,28 @@ SHARD_BYTES = 128 * 1024**2
 
 def run(words: list[str]) -> int:
     """Pack the store of a finished study."""
-    output, _ = study_folder(words, "pack")
-    with locked(output):
-        store.recover(output)
-        before, after = pack(output)
-    print(f"{output / 'lobes.zarr'}: {before} files, now {after}")
+    place, _ = study_place(words, "pack")
+    if not isinstance(place, Folder):
+        raise InvalidInput(
+            [f"{place}: pack is for stores in folders; copy this one into a folder of this machine and pack it there"]
+        )
+    with place.held():
+        before, after = pack(place)
+    print(f"{place.where(LOBES)}: {before} files, now {after}")
     return 0
 
 
-def pack(output: Path) -> tuple[int, int]:
-    """Pack the store of a study, whose folder is locked; return how many files it was and is.
+def pack(place: Folder) -> tuple[int, int]:
+    """Pack the store of a study, whose folder is held; return how many files it was and is.
 
     Raises InvalidInput for a store that is not finished, or damaged.
     """
-    path, packing = output / "lobes.zarr", output / store.PACKING
-    group = store.check(path)
+    path, packing = place.output / LOBES, place.output / PACKING
+    group = store.check(place)
     files = _files(path)
     if store.is_packed(group):
         return files, files
-    _require_finished(path, group)
+    _require_finished(place, group)
     shutil.rmtree(packing, ignore_errors=True)
     # Without the chunk files: what stands in single pieces is taken as it is.
     shutil.copytree(path, packing, ignore=lambda folder, names: [n for n in names if _is_of_chunks(path, folder, n)])
@@ -45,9 +49,10 @@ def pack(output: Path) -> tuple[int, int]:
         for name in store.CHUNKED:
             _pack_variable(group, packing, name)
             meter.advance(1)
-    metadata.reseal(packing, packed=store.now())
-    store.exchange(output)
-    metadata.refresh_copy(path)
+    metadata.reseal(place, PACKING, packed=store.now())
+    place.exchange()
+    store.open_group.cache_clear()
+    metadata.refresh_copy(place)
     return files, _files(path)
 
 
@@ -67,18 +72,18 @@ def shard_shape(shape: tuple[int, ...], chunks: tuple[int, ...], item: int) -> t
     return tuple(shard)
 
 
-def _require_finished(path: Path, group: store.Group) -> None:
-    pending = damaged = 0
+def _require_finished(place: Folder, group: store.Group) -> None:
+    kept, pending, damaged = place.written(LOBES), 0, 0
     for chunk in store.chunks(group):
         unreadable = store.unreadable_parts(group, chunk)
-        damaged += bool(unreadable or store.lost_parts(path, group, chunk))
+        damaged += bool(unreadable or store.lost_parts(group, chunk, kept))
         pending += not unreadable and bool((store.status_of(group, chunk) == STATUS["pending"]).any())
     if pending:
-        raise InvalidInput([f"{path}: {pending} chunks are not computed yet; a store is packed when it is finished"])
+        where = place.where(LOBES)
+        raise InvalidInput([f"{where}: {pending} chunks are not computed yet; a store is packed when it is finished"])
     if damaged:
-        raise InvalidInput(
-            [f"{path}: {damaged} chunks are damaged; first: python -m pipeline verify output={path.parent} repair=true"]
-        )
+        first = f"python -m pipeline verify {place.option} repair=true"
+        raise InvalidInput([f"{place.where(LOBES)}: {damaged} chunks are damaged; first: {first}"])
 
 
 def _pack_variable(group: store.Group, packing: Path, name: str) -> None:

@@ -17,8 +17,10 @@ from chatter_core.machine import Machine
 from chatter_core.units import SUFFIXES
 from chatter_core.variables import STRUCTURE
 from pipeline import paper_figures, store, sweep
-from pipeline.configuration import Words, compose_settings, make_folder, sort_words
+from pipeline.configuration import Words, compose_settings, sort_words
 from pipeline.findings import HIGH_SPEED, LOW_SPEED, Evidence, Finding, computing_time, findings
+from pipeline.locking import make_folder
+from pipeline.places import Folder, Place
 from pipeline.settings import Settings
 
 #: Preloads [N] and speeds [rpm] at which a bearing is looked at alone.
@@ -69,10 +71,10 @@ def run(words: list[str]) -> int:
         )
     output = Path(sorted_words.options.get("output", "results/paper"))
     make_folder(output)
-    codes = [sweep.execute(settings[name], output / name, argv=words) for name in STUDIES]
+    codes = [sweep.execute(settings[name], Folder(output / name), argv=words) for name in STUDIES]
     if any(code not in (0, 1) for code in codes):
         return max(codes)
-    lobes = {name: _opened(output / name / "lobes.zarr") for name in STUDIES}
+    lobes = {name: _opened(Folder(output / name)) for name in STUDIES}
     evidence = gather(settings["together"], lobes["together"], lobes["alone"])
     found = findings(evidence)
     pictures = paper_figures.write(evidence, output / "figures")
@@ -89,8 +91,8 @@ def _settings(words: Words, name: str) -> Settings:
     return compose_settings(replace(words, choices={**words.choices, "study": f"paper_{name}"}))
 
 
-def _opened(path: Path) -> xr.Dataset:
-    with store.open_lobes(path) as lobes:
+def _opened(place: Place) -> xr.Dataset:
+    with store.open_lobes(place) as lobes:
         loaded: xr.Dataset = lobes.load()
     return loaded
 

@@ -19,7 +19,8 @@ from chatter_core.stages import Stages, stages_of
 from chatter_core.tip import AXES, most_modes
 from chatter_core.units import si_factor
 from chatter_core.variables import BIFURCATION, STATUS
-from pipeline.configuration import EFFECTS, EFFECTS_PATH, compose_settings, make_folder, modal_parameters_of, sort_words
+from pipeline.configuration import EFFECTS, EFFECTS_PATH, compose_settings, modal_parameters_of, sort_words
+from pipeline.locking import make_folder
 
 #: Modes kept on each axis of a spindle unless told otherwise.
 USUAL_MODES = 4

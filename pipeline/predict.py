@@ -16,7 +16,8 @@ from chatter_core.evidence.planned import PlannedCuts, planned_campaign, predict
 from chatter_core.units import si_factor
 from chatter_core.variables import STATUS
 from pipeline.campaigns import WORDS, CampaignOptions, model_of, options_of, read
-from pipeline.configuration import make_folder, sort_words
+from pipeline.configuration import sort_words
+from pipeline.locking import make_folder
 
 
 class PredictOptions(CampaignOptions):

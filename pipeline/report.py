@@ -14,8 +14,9 @@ from chatter_core.variables import STATUS, WITH_RESULT
 from pipeline import figures, page, store, tables
 from pipeline.best_cuts import DEPTH_MARGIN, SPEED_MARGIN, best_cuts
 from pipeline.lobes import crossover_speeds, dominance, most_misjudged, stability_limit
+from pipeline.places import LOBES, Place
 from pipeline.plots import embed
-from pipeline.study_folder import study_folder
+from pipeline.study_place import study_place
 from pipeline.study_plots import CHOICE, study_plots
 
 #: Rows of a table on the page; the CSV files hold all.
@@ -54,30 +55,31 @@ class PageTable:
 
 def run(words: list[str]) -> int:
     """Write the report of a folder again; return the exit code."""
-    output, _ = study_folder(words, "report")
-    for file in write(output):
+    place, _ = study_place(words, "report")
+    for file in write(place):
         print(f"written: {file}")
     return 0
 
 
-def write(output: Path) -> list[Path]:
-    """Write tables, figures and report.html of the store in a folder; return the paths."""
-    path = output / "lobes.zarr"
-    store.check(path)
+def write(place: Place) -> list[Path]:
+    """Write tables, figures and report.html of the store in a place; return the paths."""
+    store.check(place)
     try:
-        with store.open_lobes(path) as opened:
+        with store.open_lobes(place) as opened:
             lobes = opened.load()
     except (ValueError, RuntimeError, KeyError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InvalidInput([f"{path}: cannot be read, a part is missing or damaged: {reason}"]) from None
+        raise InvalidInput([f"{place.where(LOBES)}: cannot be read, a part is missing or damaged: {reason}"]) from None
     hollow = int((lobes["status"].isin(WITH_RESULT) & lobes["spectral_radius"].isnull()).sum())
     if hollow:
-        raise InvalidInput([f"{path}: {hollow} cells count as computed but hold no result; the same sweep heals them"])
+        where = place.where(LOBES)
+        raise InvalidInput([f"{where}: {hollow} cells count as computed but hold no result; the same sweep heals them"])
     preload = _shown_preload(lobes)
+    output = place.make_output()
     written = [*tables.write(lobes, output / "tables"), *figures.write(lobes, output / "figures", preload)]
-    place = output / "report.html"
-    _page(place, lobes, preload, [path for path in written if path.suffix == ".csv"])
-    return [*written, place]
+    html = output / "report.html"
+    _page(html, place.opening, lobes, preload, [path for path in written if path.suffix == ".csv"])
+    return [*written, html]
 
 
 def _shown_preload(lobes: xr.Dataset) -> float:
@@ -87,13 +89,13 @@ def _shown_preload(lobes: xr.Dataset) -> float:
     return float(own) if own in values else float(values[0])
 
 
-def _page(place: Path, lobes: xr.Dataset, preload: float, written: list[Path]) -> None:
+def _page(html: Path, opening: str, lobes: xr.Dataset, preload: float, written: list[Path]) -> None:
     attributes = lobes.attrs
     made = study_plots(lobes, preload)
     short = [path for path in written if path.stat().st_size <= DOWNLOADS / len(written)]
     status = lobes["status"].values
     page.write(
-        place,
+        html,
         "report.html",
         title=attributes["title"],
         subtitle=f"{status.size} operating points, computed {attributes['created']}",
@@ -106,7 +108,7 @@ def _page(place: Path, lobes: xr.Dataset, preload: float, written: list[Path]) -
         groups=[(heading, names) for heading, names in GROUPS.items() if any(name in made for name in names)],
         downloads=page.downloads(short),
         beside=[path.name for path in written if path not in short],
-        store=place.with_name("lobes.zarr").name,
+        opening=opening,
         provenance=_provenance(attributes),
         settings=json.dumps(attributes["settings"], indent=1),
     )

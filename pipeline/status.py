@@ -3,14 +3,15 @@
 import json
 import time
 from dataclasses import dataclass
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from chatter_core.variables import FAILED, STATUS
 from pipeline import store
-from pipeline.study_folder import study_folder
+from pipeline.places import Place
+from pipeline.study_place import study_place
 
 #: The rate is that of the chunks that were written in so many seconds before the last.
 RECENT = 600.0
@@ -70,26 +71,26 @@ class Progress:
 
 def run(words: list[str]) -> int:
     """Tell how far a study is; return 1 where cells have failed, else 0."""
-    output, options = study_folder(words, "status", {"format": ("text", "json")})
-    found = progress(output / "lobes.zarr")
+    place, options = study_place(words, "status", {"format": ("text", "json")})
+    found = progress(place)
     print(json.dumps(document(found), indent=2) if options["format"] == "json" else text(found))
     return 1 if found.failed else 0
 
 
-def progress(path: Path) -> Progress:
-    """Return how far the study in a store is.
+def progress(place: Place) -> Progress:
+    """Return how far the study in a place is.
 
     Raises InvalidInput when the store is damaged beyond its chunks.
     """
-    group = store.check(path)
+    group = store.check(place)
     chunks, tally = store.chunks(group), np.zeros(len(STATUS), dtype=int)
-    for chunk in chunks:
-        tally += np.bincount(store.readable_status(group, chunk).ravel(), minlength=len(STATUS))
+    for status in place.each(partial(store.readable_status, group), chunks):
+        tally += np.bincount(status.ravel(), minlength=len(STATUS))
     return Progress(
         study=str(group.attrs["study"]),
         cells={name: int(tally[code]) for name, code in STATUS.items() if tally[code]},
         chunks=len(chunks),
-        written=store.written_at(path),
+        written=store.written_at(place),
         now=time.time(),
     )
 

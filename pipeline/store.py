@@ -6,11 +6,10 @@ status has no zero left; a chunk equal to the fill value is never written, hence
 """
 
 import platform
-import shutil
 import subprocess
 import sys
 import warnings
-from contextlib import suppress
+from collections.abc import Container, Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
@@ -31,12 +30,11 @@ from chatter_core.tip import AXES
 from chatter_core.units import SUFFIXES
 from chatter_core.variables import CELL_STATUS, STRUCTURE, SWEEP, Variable
 from pipeline import metadata
+from pipeline.places import LOBES, Place
 from pipeline.settings import Settings
 
 #: Variables that are written chunk by chunk.
 CHUNKED = (*SWEEP, "status")
-#: A store that is being packed, and the one that it takes the place of.
-PACKING, UNPACKED = "packing.zarr", "unpacked.zarr"
 #: What the functions here take that read.
 Group = zarr.Group
 OUTER = 3  # dimensions before the speed: modal parameters, preload, mode count
@@ -81,7 +79,7 @@ def coordinates(settings: Settings) -> dict[str, np.ndarray]:
     }
 
 
-def create(path: Path, settings: Settings, argv: list[str]) -> None:
+def create(place: Place, settings: Settings, argv: list[str]) -> None:
     """Write the template of a store, with coordinates, structure and provenance.
 
     Raises InvalidInput when the machine cannot give what the grid asks for.
@@ -89,13 +87,13 @@ def create(path: Path, settings: Settings, argv: list[str]) -> None:
     values = coordinates(settings)
     # The structure comes first: what it refuses must not leave a store behind.
     structure = _structure(settings, values)
-    group = zarr.create_group(path, overwrite=True)
+    group = zarr.create_group(place.store(), overwrite=True)
     for name, points in values.items():
         suffix, doc = COORDINATES[name]
-        _array(group, name, (name,), points.shape, points.shape, points.dtype, _attributes(suffix, doc))[...] = points
+        array = _array(group, name, (name,), points.shape, points.shape, points.dtype, _attributes(suffix, doc))
+        _write_whole(array, points)
     for name, variable in STRUCTURE.items():
-        array = _variable(group, name, variable, values, whole=True)
-        array[...] = structure[name]
+        _write_whole(_variable(group, name, variable, values, whole=True), structure[name])
     depths = len(values["axial_depth"])
     block = max(1, min(len(values["spindle_speed"]), settings.cluster.cells_per_task // depths))
     for name, variable in {**SWEEP, "status": CELL_STATUS}.items():
@@ -103,9 +101,9 @@ def create(path: Path, settings: Settings, argv: list[str]) -> None:
     with warnings.catch_warnings():
         # Not yet in Zarr's specification, but what xarray looks for first, and a copy of what the arrays say.
         warnings.simplefilter("ignore", ZarrUserWarning)
-        zarr.consolidate_metadata(path)
+        zarr.consolidate_metadata(place.store())
     metadata.update(
-        path,
+        place,
         **{
             "Conventions": "CF-1.11",
             "title": f"Stability lobes of study {settings.study}",
@@ -118,6 +116,11 @@ def create(path: Path, settings: Settings, argv: list[str]) -> None:
             **provenance(argv),
         },
     )
+
+
+def _write_whole(array: zarr.Array[Any], values: np.ndarray) -> None:
+    # Written even where it is empty (a machine without bearings), so that a lost file is noticed.
+    array.with_config({"write_empty_chunks": True})[...] = values
 
 
 def _structure(settings: Settings, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -197,52 +200,51 @@ def readable_status(group: zarr.Group, chunk: Chunk) -> np.ndarray:
         return np.zeros((chunk.last - chunk.first, array_of(group, "status").shape[-1]), dtype=np.uint8)
 
 
-def written_at(path: Path) -> np.ndarray:
+def written_at(place: Place) -> np.ndarray:
     """Return when each chunk was written that is complete or marked (chunk,), ascending [s since 1970]."""
-    times = []
-    for file in (path / "status" / "c").rglob("*"):
-        # A chunk that is just being written, or taken back, may be gone again.
-        with suppress(FileNotFoundError):
-            if file.is_file() and file.suffix != ".partial":
-                times.append(file.stat().st_mtime)
-    return np.sort(np.array(times))
+    return np.sort(np.array(list(place.written(f"{LOBES}/status/c").values())))
 
 
 @lru_cache(maxsize=4)
-def open_group(path: Path) -> zarr.Group:
+def open_group(place: Place) -> zarr.Group:
     """Open a store for writing chunks; once a process, since opening costs more than a chunk."""
-    return zarr.open_group(path, mode="r+")
+    return zarr.open_group(place.store(), mode="r+")
 
 
-def write_chunk(path: Path, chunk: Chunk, block: LobeBlock) -> None:
+def write_chunk(place: Place, chunk: Chunk, block: LobeBlock) -> None:
     """Write every variable of a chunk, its status last."""
-    group = open_group(path)
-    for name, variable in SWEEP.items():
+    group = open_group(place)
+
+    def write(name: str) -> None:
         # Written even where it is empty (a speed without a limit depth), so that a lost file is noticed.
         array = array_of(group, name).with_config({"write_empty_chunks": True})
+        variable = SWEEP[name]
         array[chunk.region] = getattr(block, name) / variable.si_factor if variable.suffix else getattr(block, name)
+
+    for _ in place.each(write, SWEEP):
+        pass
     array_of(group, "status")[chunk.region] = block.status
 
 
-def mark_chunk(path: Path, chunk: Chunk, code: int) -> None:
+def mark_chunk(place: Place, chunk: Chunk, code: int) -> None:
     """Give every cell of a chunk a status, without results."""
-    array_of(open_group(path), "status")[chunk.region] = code
+    array_of(open_group(place), "status")[chunk.region] = code
 
 
-def check(path: Path) -> zarr.Group:
+def check(place: Place) -> zarr.Group:
     """Open a store for reading and return it, when it has every array and attribute that a sweep gives it.
 
     Raises InvalidInput, naming what is missing or damaged.
     """
-    wrong = [f"{place} {why}" for place, why in metadata.problems(path).items()]
+    wrong = [f"{document} {why}" for document, why in metadata.problems(place).items()]
     if not wrong:
-        group = zarr.open_group(path, mode="r", use_consolidated=False)
-        wrong = _unusable_parts(group)
+        group = zarr.open_group(place.store(), mode="r", use_consolidated=False)
+        wrong = [f"{name} is missing" for name in lost_wholes(place, COORDINATES)] or _unusable_parts(group)
     if wrong:
         raise InvalidInput(
             [
-                f"{path}: the store is damaged beyond its chunks: {what}; restored by: python -m pipeline verify "
-                f"output={path.parent} repair=true"
+                f"{place.where(LOBES)}: the store is damaged beyond its chunks: {what}; restored by: "
+                f"python -m pipeline verify {place.option} repair=true"
                 for what in wrong
             ]
         )
@@ -274,6 +276,13 @@ def whole(group: zarr.Group, name: str) -> np.ndarray:
         raise ValueError(f"{name} cannot be read ({str(error).splitlines()[0]})") from None
 
 
+def lost_wholes(place: Place, names: Iterable[str]) -> list[str]:
+    """Return the arrays that are gone of those written in one piece: they would read as if nothing was known."""
+    every = list(names)
+    kept = place.each(lambda name: place.written(f"{LOBES}/{name}/c"), every)
+    return [name for name, pieces in zip(every, kept, strict=True) if not pieces]
+
+
 def array_of(group: zarr.Group, name: str) -> zarr.Array[Any]:
     """Return an array of a store."""
     array = group[name]
@@ -281,17 +290,17 @@ def array_of(group: zarr.Group, name: str) -> zarr.Array[Any]:
     return array
 
 
-def file_of(path: Path, group: zarr.Group, chunk: Chunk, name: str) -> Path:
-    """Return the file that holds a variable of a chunk, its shard where the store is packed."""
+def key_of(group: zarr.Group, chunk: Chunk, name: str) -> str:
+    """Return the key under which a variable of a chunk is kept, that of its shard where the store is packed."""
     array = array_of(group, name)
     first = (*chunk.outer, chunk.first, *(0 for _ in array.shape[OUTER + 1 :]))
     place = (index // step for index, step in zip(first, array.shards or array.chunks, strict=True))
-    return (path / name / "c").joinpath(*map(str, place))
+    return "/".join([LOBES, name, "c", *map(str, place)])
 
 
-def lost_parts(path: Path, group: zarr.Group, chunk: Chunk) -> list[str]:
-    """Return the variables of a computed chunk whose file is gone."""
-    return [name for name in SWEEP if not file_of(path, group, chunk, name).exists()]
+def lost_parts(group: zarr.Group, chunk: Chunk, kept: Container[str]) -> list[str]:
+    """Return the variables of a computed chunk that are gone; kept: the keys of what is there."""
+    return [name for name in SWEEP if key_of(group, chunk, name) not in kept]
 
 
 def unreadable_parts(group: zarr.Group, chunk: Chunk) -> list[str]:
@@ -326,29 +335,9 @@ def create_packed(path: Path, name: str, source: zarr.Array[Any], shard: tuple[i
     )
 
 
-def exchange(output: Path) -> None:
-    """Put the packed store in the place of the one that it was made from."""
-    (output / "lobes.zarr").rename(output / UNPACKED)
-    (output / PACKING).rename(output / "lobes.zarr")
-    shutil.rmtree(output / UNPACKED)
-    open_group.cache_clear()
-
-
-def recover(output: Path) -> None:
-    """Bring back the store of a folder in which packing was killed at its last step."""
-    if not (output / "lobes.zarr").exists() and (output / UNPACKED).exists():
-        (output / UNPACKED).rename(output / "lobes.zarr")
-
-
-def clear_partial(path: Path) -> None:
-    """Remove what a writer that was killed left half-written."""
-    for leftover in path.rglob("*.partial"):
-        leftover.unlink(missing_ok=True)
-
-
-def open_lobes(path: Path) -> xr.Dataset:
+def open_lobes(place: Place) -> xr.Dataset:
     """Open a store as a dataset, lazily."""
-    lobes: xr.Dataset = xr.open_zarr(path, consolidated=False)
+    lobes: xr.Dataset = xr.open_zarr(place.store(), consolidated=False)
     return lobes
 
 

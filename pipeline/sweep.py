@@ -6,6 +6,7 @@ import signal
 import socket
 import sys
 import threading
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,26 +16,26 @@ from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import FAILED, STATUS, WITH_RESULT
-from pipeline import metadata, report, store
+from pipeline import metadata, places, report, store
 from pipeline.cluster import open_client
 from pipeline.configuration import (
     EFFECTS,
     EFFECTS_PATH,
     compose_settings,
-    make_folder,
     modal_parameters_of,
     sort_words,
 )
 from pipeline.dispatch import dispatched, signals
-from pipeline.errors import StorageFailed, WorkersLost
-from pipeline.locking import locked, remove_empty
+from pipeline.errors import StorageFailed, StoreUnavailable, WorkersLost
+from pipeline.places import CLOCK, LOBES, LOCK, RECORD, Place, StillHeld, as_long_as_it_takes, place_of
 from pipeline.progress import Journal, Meter
 from pipeline.settings import Cluster, Settings, differing_keys
 from pipeline.task import KERNEL, Record, Task, compute_point
 
-OPTIONS = ("output", "retry_failed", EFFECTS, EFFECTS_PATH, "base")
-#: What is in a folder whose study was being created when the run was killed.
-OF_A_CREATION = (".lock", "lock.json", "lobes.zarr", metadata.COPY, f"{metadata.COPY}.partial")
+OPTIONS = (*places.OPTIONS, "retry_failed", EFFECTS, EFFECTS_PATH, "base")
+#: What is in a place whose study was being created when the run was killed.
+OF_A_CREATION = {".lock", LOCK, CLOCK, LOBES, metadata.COPY}
+OF_A_CREATION |= {f"{metadata.COPY}.partial", f"{RECORD}.partial"}
 #: Seconds of compiling before it is said.
 COMPILING_PATIENCE = 1.0
 
@@ -57,106 +58,101 @@ def run(words: list[str]) -> int:
     retry = sorted_words.options.get("retry_failed", "false").lower()
     if retry not in ("true", "false"):
         raise InvalidInput([f"retry_failed: found {retry!r}, allowed: true, false"])
-    named = sorted_words.options.get("output")
-    output = Path(named) if named else Path("results") / f"{settings.study}-{settings.fingerprint()[:8]}"
-    return execute(settings, output, retry_failed=retry == "true", argv=words)
+    place = place_of(sorted_words.options, Path("results") / f"{settings.study}-{settings.fingerprint()[:8]}")
+    return execute(settings, place, retry_failed=retry == "true", argv=words)
 
 
 def execute(
-    settings: Settings, output: Path, *, retry_failed: bool = False, argv: list[str] | None = None, kernel: str = KERNEL
+    settings: Settings, place: Place, *, retry_failed: bool = False, argv: list[str] | None = None, kernel: str = KERNEL
 ) -> int:
     """Compute what is missing in the store of a study and write its report.
 
     Returns 0 when every cell is ok, 1 when some are marked as failed, 130 or 143 when stopped by a
-    signal. Raises InvalidInput when the folder holds another study, StoreInUse when another run
+    signal. Raises InvalidInput when the place holds another study, StoreInUse when another run
     works on it.
     """
-    path, existed = output / "lobes.zarr", output.exists()
-    make_folder(output)
     # One thread here as in every worker: the order of summation, and so the last digit, stays the same.
-    with locked(output), threadpool_limits(1):
-        try:
-            _prepare(settings, output, path, argv or [])
-        except InvalidInput:
-            if not existed:
-                remove_empty(output)
-            raise
-        return carry_on(settings, output, retry_failed=retry_failed, argv=argv, kernel=kernel)
+    with place.held() as still_held, threadpool_limits(1):
+        _prepare(settings, place, argv or [])
+        return carry_on(settings, place, still_held, retry_failed=retry_failed, argv=argv, kernel=kernel)
 
 
 def carry_on(
     settings: Settings,
-    output: Path,
+    place: Place,
+    still_held: StillHeld = as_long_as_it_takes,
     *,
     retry_failed: bool = False,
     argv: list[str] | None = None,
     kernel: str = KERNEL,
 ) -> int:
-    """Compute what is missing in a store that is there and belongs to the settings, and whose folder is locked.
+    """Compute what is missing in a store that is there and belongs to the settings, and whose place is held.
 
     Returns and raises what ``execute`` does.
     """
-    path, journal = output / "lobes.zarr", Journal(output / "journal.jsonl")
+    journal = Journal(place.make_output() / "journal.jsonl")
     try:
         journal.write("start", argv=argv or [], pid=os.getpid(), host=socket.gethostname())
-        _compute(settings, path, journal, retry_failed, kernel)
+        _compute(settings, place, still_held, journal, retry_failed, kernel)
+        still_held()
+        counts, written = _finish(place, journal)
     except Stopped as stop:
         journal.write("stopped", signal=str(stop))
         again = f"python -m pipeline sweep {' '.join(argv)}" if argv else "the same command"
         print(f"stopped; nothing is lost. Go on with: {again}", file=sys.stderr)
         return 128 + stop.number
     except OSError as error:
-        # The disk is full, or the folder has gone away: what was computed before is in the store.
+        # The disk is full, or the place has gone away: what was computed before is in the store.
         raise StorageFailed(
-            f"{error.filename or path}: {error.strerror or error}; what was computed is kept, "
-            "the same command goes on once there is room"
+            f"{error.filename or place.where(LOBES)}: {error.strerror or error}; what was computed is kept, "
+            f"the same command goes on once {'it answers' if isinstance(error, StoreUnavailable) else 'there is room'}"
         ) from None
-    return _finish(output, path, journal)
+    return _tell(place, counts, written, journal)
 
 
-def _prepare(settings: Settings, output: Path, path: Path, argv: list[str]) -> None:
+def _prepare(settings: Settings, place: Place, argv: list[str]) -> None:
     """Create the store, or check that the one that is there belongs to these settings."""
-    record = output / "settings.yaml"
-    store.recover(output)
-    if record.exists() and path.exists():
-        existing: dict[str, Any] = store.check(path).attrs.asdict()
+    names = place.names()
+    if {RECORD, LOBES} <= names:
+        existing: dict[str, Any] = store.check(place).attrs.asdict()
         if existing.get("fingerprint") != settings.fingerprint():
             wanted = json.loads(json.dumps(settings.scientific()))
             keys = differing_keys(existing.get("settings", {}), wanted)
             shown = ", ".join(keys[:12]) + (f" and {len(keys) - 12} more" if len(keys) > 12 else "")
-            raise InvalidInput([f"{output}: holds a study with other settings; they differ in: {shown}"])
-        store.clear_partial(path)
-        metadata.refresh_copy(path)
+            raise InvalidInput([f"{place}: holds a study with other settings; they differ in: {shown}"])
+        metadata.refresh_copy(place)
         return
-    if any(entry.name not in OF_A_CREATION for entry in output.iterdir()):
-        raise InvalidInput([f"{output}: holds files that are no study; choose an empty folder with output=DIR"])
+    if names - OF_A_CREATION:
+        name = place.option.partition("=")[0]
+        raise InvalidInput([f"{place}: holds files that are no study; choose an empty place with {name}="])
     # The record is written after the template, so a template that was cut short is made again.
-    store.create(path, settings, argv)
-    record.write_text(settings.record())
+    store.create(place, settings, argv)
+    place.write(RECORD, settings.record().encode())
 
 
-def _compute(settings: Settings, path: Path, journal: Journal, retry_failed: bool, kernel: str) -> None:
-    group = store.open_group(path)
+def _compute(
+    settings: Settings, place: Place, still_held: StillHeld, journal: Journal, retry_failed: bool, kernel: str
+) -> None:
+    group = store.open_group(place)
     every = store.chunks(group)
-    pending = [chunk for chunk in every if _becomes_pending(path, group, chunk, retry_failed)]
+    pending = _pending(place, group, every, retry_failed)
     cells = {chunk: (chunk.last - chunk.first) * _depths(group) for chunk in every}
     total, done = sum(cells.values()), sum(cells.values()) - sum(cells[chunk] for chunk in pending)
     if not pending:
         return
-    history = [*metadata.attributes(path)["history"], f"{store.now()} {len(pending)} of {len(every)} chunks to compute"]
-    metadata.update(path, history=history)
+    begun = f"{store.now()} {len(pending)} of {len(every)} chunks to compute"
+    metadata.update(place, history=[*metadata.attributes(place)["history"], begun])
     # Many writers of one shard would lose each other's chunks.
     cluster = Cluster(kind="serial") if store.is_packed(group) else settings.cluster
-    own, limit = settings.effects_path, cluster.time_limit
-    tasks = [
-        Task(store=path.resolve(), chunk=chunk, kernel=kernel, effects_path=own, time_limit=limit) for chunk in pending
-    ]
+    where, own, limit = place.anywhere(), settings.effects_path, cluster.time_limit
+    tasks = [Task(place=where, chunk=chunk, kernel=kernel, effects_path=own, time_limit=limit) for chunk in pending]
     if cluster.kind != "address":
         _compile_once(tasks[0])
     with signals() as stopping:
         try:
             with open_client(cluster, lambda: bool(stopping.number)) as client, Meter(total, done) as meter:
                 for record in dispatched(tasks, client, stopping, cluster.patience):
+                    still_held()
                     _note(journal, record)
                     meter.advance(cells[record.chunk])
         except (RuntimeError, OSError) as error:
@@ -196,16 +192,18 @@ def _note(journal: Journal, record: Record) -> None:
     )
 
 
-def _becomes_pending(path: Path, group: zarr.Group, chunk: store.Chunk, retry_failed: bool) -> bool:
-    """Return whether a chunk is to be computed; what a store holds of it counts no more then."""
-    status = store.readable_status(group, chunk)
-    if (status == STATUS["pending"]).any():
-        return True
-    failed = retry_failed and bool(np.isin(status, FAILED).any())
-    if failed or (np.isin(status, WITH_RESULT).any() and store.lost_parts(path, group, chunk)):
-        store.mark_chunk(path, chunk, STATUS["pending"])
-        return True
-    return False
+def _pending(place: Place, group: zarr.Group, every: list[store.Chunk], retry_failed: bool) -> list[store.Chunk]:
+    """Return the chunks that are to be computed; what a store holds of them counts no more then."""
+    kept, pending = place.written(LOBES), list[store.Chunk]()
+    for chunk, status in zip(every, place.each(partial(store.readable_status, group), every), strict=True):
+        if (status == STATUS["pending"]).any():
+            pending.append(chunk)
+            continue
+        failed = retry_failed and bool(np.isin(status, FAILED).any())
+        if failed or (np.isin(status, WITH_RESULT).any() and store.lost_parts(group, chunk, kept)):
+            store.mark_chunk(place, chunk, STATUS["pending"])
+            pending.append(chunk)
+    return pending
 
 
 def _depths(group: zarr.Group) -> int:
@@ -214,42 +212,51 @@ def _depths(group: zarr.Group) -> int:
     return int(status.shape[-1])
 
 
-def _mark_damaged(path: Path, group: zarr.Group) -> None:
+def _mark_damaged(place: Place, group: zarr.Group) -> None:
     """Mark chunks that cannot be read as pending; raise InvalidInput naming them when there are any."""
-    damaged = [(chunk, store.unreadable_parts(group, chunk)) for chunk in store.chunks(group)]
-    damaged = [(chunk, parts) for chunk, parts in damaged if parts]
+    every = store.chunks(group)
+    parts_of = zip(every, place.each(partial(store.unreadable_parts, group), every), strict=True)
+    damaged = [(chunk, parts) for chunk, parts in parts_of if parts]
     for chunk, _ in damaged:
-        store.mark_chunk(path, chunk, STATUS["pending"])
+        store.mark_chunk(place, chunk, STATUS["pending"])
     if damaged:
-        metadata.update(path, complete=False)
+        metadata.update(place, complete=False)
         where = ", ".join(f"{parts[0]} of speeds {chunk.first} to {chunk.last - 1}" for chunk, parts in damaged[:4])
         raise InvalidInput(
             [
-                f"{path}: {len(damaged)} chunks are damaged ({where}) and count as pending now; "
+                f"{place.where(LOBES)}: {len(damaged)} chunks are damaged ({where}) and count as pending now; "
                 "the same command computes them again"
             ]
         )
 
 
-def _finish(output: Path, path: Path, journal: Journal) -> int:
-    """Write the report and say what there is; return the exit code."""
-    group = store.open_group(path)
+def _finish(place: Place, journal: Journal) -> tuple[dict[str, int], list[Path]]:
+    """Write the report; return how many cells have which status, and what was written."""
+    group = store.open_group(place)
     tally = sum(
-        (np.bincount(store.status_of(group, chunk).ravel(), minlength=len(STATUS)) for chunk in store.chunks(group)),
+        (
+            np.bincount(status.ravel(), minlength=len(STATUS))
+            for status in place.each(partial(store.status_of, group), store.chunks(group))
+        ),
         start=np.zeros(len(STATUS), dtype=int),
     )
     counts = {name: int(tally[code]) for name, code in STATUS.items() if tally[code]}
-    failed = {name: count for name, count in counts.items() if STATUS[name] not in WITH_RESULT}
-    metadata.update(path, complete="pending" not in counts)
+    metadata.update(place, complete="pending" not in counts)
     try:
-        written = report.write(output)
+        written = report.write(place)
     except InvalidInput:
-        _mark_damaged(path, group)
+        _mark_damaged(place, group)
         raise
     journal.write("end", counts=counts)
-    print(f"store:   {path}")
+    return counts, written
+
+
+def _tell(place: Place, counts: dict[str, int], written: list[Path], journal: Journal) -> int:
+    """Say what there is; return the exit code."""
+    print(f"store:   {place.where(LOBES)}")
     for file in written:
         print(f"written: {file}")
+    failed = {name: count for name, count in counts.items() if STATUS[name] not in WITH_RESULT}
     if failed:
         told = ", ".join(f"{count} {name}" for name, count in failed.items())
         print(

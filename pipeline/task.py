@@ -18,6 +18,7 @@ from chatter_core.machine import Machine
 from chatter_core.units import SUFFIXES
 from chatter_core.variables import STATUS, SWEEP
 from pipeline import store
+from pipeline.places import Place
 from pipeline.settings import model_with
 from pipeline.store import Chunk
 from pipeline.time_limit import limited
@@ -35,7 +36,7 @@ class Task:
     time_limit: seconds after which the worker's process ends with everything in it, none: never.
     """
 
-    store: Path
+    place: Place
     chunk: Chunk
     kernel: str = KERNEL
     effects_path: Path | None = None
@@ -53,9 +54,9 @@ class Record:
 
 
 @lru_cache(maxsize=4)
-def _described(path: Path) -> tuple[Machine, dict[str, Any], dict[str, Any], dict[str, np.ndarray]]:
+def _described(place: Place) -> tuple[Machine, dict[str, Any], dict[str, Any], dict[str, np.ndarray]]:
     """Return machine, effects, what all chunks share and coordinates as the store holds them, once a process."""
-    group = store.open_group(path)
+    group = store.open_group(place)
     settings = cast(dict[str, Any], group.attrs["settings"])
     names = ("modal_parameters", "preload", "mode_count", "spindle_speed", "axial_depth")
     values = {name: np.asarray(cast(Any, group[name])[...]) for name in names}
@@ -74,10 +75,10 @@ def compute_chunk(task: Task) -> Record:
     Errors of writing are not caught: they end the run.
     """
     began = time.perf_counter()
-    status = store.readable_status(store.open_group(task.store), task.chunk)
+    status = store.readable_status(store.open_group(task.place), task.chunk)
     if status.all():
         return _record(task, status, began, ())
-    machine, effects, common, values = _described(task.store)
+    machine, effects, common, values = _described(task.place)
     parameters, preload, modes = (
         values[name][i] for name, i in zip(("modal_parameters", "preload", "mode_count"), task.chunk.outer, strict=True)
     )
@@ -101,7 +102,7 @@ def compute_chunk(task: Task) -> Record:
 
     with limited(task.time_limit):
         block, errors = _guarded(compute, speed, len(depth))
-    store.write_chunk(task.store, task.chunk, block)
+    store.write_chunk(task.place, task.chunk, block)
     return _record(task, block.status, began, errors)
 
 
@@ -119,7 +120,7 @@ def _record(task: Task, status: np.ndarray, began: float, errors: Sequence[str])
 
 def compute_point(task: Task) -> None:
     """Compute the first cell of a chunk and forget it: what is compiled when first used is compiled then."""
-    machine, effects, common, values = _described(task.store)
+    machine, effects, common, values = _described(task.place)
     if task.kernel == KERNEL:
         lobe_block(
             model_with(machine, effects, task.effects_path),

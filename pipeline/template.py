@@ -16,7 +16,8 @@ from chatter_core.evidence.columns import Table, column_like
 from chatter_core.evidence.measured import TABLES
 from chatter_core.machine import Machine
 from chatter_core.reading import inner_model
-from pipeline.configuration import compose_settings, make_folder, sort_words
+from pipeline.configuration import compose_settings, sort_words
+from pipeline.locking import make_folder
 
 HEAD = """# The machine as it is believed to be; measurements may say otherwise. The values are those of the reference
 # machine: put your own in their place. A line that begins with # is a key that may be added, without its #.

@@ -1,8 +1,9 @@
 """Every byte of a store read back: what is damaged is named, and with ``repair=true`` made anew."""
 
-import shutil
 import sys
+from collections.abc import Container
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -14,10 +15,11 @@ from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS, STRUCTURE, WITH_RESULT
 from pipeline import metadata, store, sweep
 from pipeline.configuration import EFFECTS_PATH
-from pipeline.locking import locked
+from pipeline.errors import StoreUnavailable
+from pipeline.places import LOBES, RECORD, Folder, Place, StillHeld, as_long_as_it_takes
 from pipeline.progress import Meter
 from pipeline.settings import Cluster, Settings, recorded
-from pipeline.study_folder import study_folder
+from pipeline.study_place import study_place
 
 #: Damaged places that are named one by one.
 NAMED = 20
@@ -55,13 +57,12 @@ class Damage:
 
 def run(words: list[str]) -> int:
     """Read back a store, repair it where asked; return 1 where damage is left or cells have failed, else 0."""
-    output, options = study_folder(words, "verify", {"repair": ("false", "true"), EFFECTS_PATH: ()})
+    place, options = study_place(words, "verify", {"repair": ("false", "true"), EFFECTS_PATH: ()})
     own = Path(options[EFFECTS_PATH]).resolve() if options[EFFECTS_PATH] else None
-    with locked(output):
-        store.recover(output)
-        found = damage(output)
+    with place.held() as still_held:
+        found = damage(place)
         if not found:
-            print(f"{output}: every byte reads back as it was written")
+            print(f"{place}: every byte reads back as it was written")
             return 0
         told = found.sentences()
         for sentence in told[:NAMED]:
@@ -69,66 +70,80 @@ def run(words: list[str]) -> int:
         if len(told) > NAMED:
             print(f"damaged: and {len(told) - NAMED} more places")
         if options["repair"] != "true":
-            again = f"python -m pipeline verify output={output} repair=true"
+            again = f"python -m pipeline verify {place.option} repair=true"
             print(f"{len(told)} places are damaged; made anew with: {again}", file=sys.stderr)
             return 1
-        return repair(output, found, own, words)
+        return repair(place, found, own, words, still_held=still_held)
 
 
-def damage(output: Path) -> Damage:
+def damage(place: Place) -> Damage:
     """Return what is damaged in the store of a study."""
-    path = output / "lobes.zarr"
-    documents = metadata.problems(path)
+    documents = metadata.problems(place)
     if documents:
         # Nothing can be read by documents that are wrong.
         return Damage(documents=documents, fixed=[], chunks={}, settings=False)
-    group = store.open_group(path)
-    fixed = [name for name in (*store.COORDINATES, *STRUCTURE) if not _reads(group, name)]
-    every, chunks = store.chunks(group), dict[store.Chunk, list[str]]()
+    group = store.open_group(place)
+    wholes = (*store.COORDINATES, *STRUCTURE)
+    lost = store.lost_wholes(place, wholes)
+    fixed = [name for name in wholes if name in lost or not _reads(group, name)]
+    every = store.chunks(group)
     with Meter(len(every), 0, "chunks") as meter:
-        for chunk in every:
-            parts = _unreadable(path, group, chunk)
-            if parts:
-                chunks[chunk] = parts
-            meter.advance(1)
-    return Damage(documents={}, fixed=fixed, chunks=chunks, settings=_record_differs(output))
+        chunks = _damaged_chunks(place, group, meter)
+    return Damage(documents={}, fixed=fixed, chunks=chunks, settings=_record_differs(place))
 
 
-def repair(output: Path, found: Damage, own: Path | None, argv: list[str], cluster: Cluster | None = None) -> int:
-    """Make anew what is damaged in the store of a study, whose folder is locked; return the exit code.
+def repair(
+    place: Place,
+    found: Damage,
+    own: Path | None,
+    argv: list[str],
+    cluster: Cluster | None = None,
+    still_held: StillHeld = as_long_as_it_takes,
+) -> int:
+    """Make anew what is damaged in the store of a study, whose place is held; return the exit code.
 
     own: folder with effects of the user's own, where the study has such. Raises InvalidInput where the settings of
     the study are lost, or cannot be followed by this version of the program.
     """
-    path = output / "lobes.zarr"
     # One thread here as where it was computed: the order of summation, and so the last digit, stays the same.
     with threadpool_limits(1):
         if found.documents:
-            lost = metadata.restore(path)
+            lost = metadata.restore(place)
             if lost:
                 raise InvalidInput([f"{lost[0]}: what was to be computed is not known any more; run the study again"])
             print(f"restored: {', '.join(found.documents)}")
-            found = damage(output)
-        _remove_unreadable_shards(path, found)
-        settings = recorded(metadata.attributes(path), own, cluster or Cluster(kind="local"))
-        _restore_fixed(path, found.fixed, settings)
-        (output / "settings.yaml").write_text(settings.record())
+            found = damage(place)
+        _remove_unreadable_shards(place, found)
+        settings = recorded(metadata.attributes(place), own, cluster or Cluster(kind="local"))
+        _restore_fixed(place, found.fixed, settings)
+        place.write(RECORD, settings.record().encode())
         for chunk in found.chunks:
-            store.mark_chunk(path.resolve(), chunk, STATUS["pending"])
-        return sweep.carry_on(settings, output, argv=argv)
+            store.mark_chunk(place, chunk, STATUS["pending"])
+        return sweep.carry_on(settings, place, still_held, argv=argv)
 
 
-def _remove_unreadable_shards(path: Path, found: Damage) -> None:
+def _damaged_chunks(place: Place, group: store.Group, meter: Meter | None = None) -> dict[store.Chunk, list[str]]:
+    """Return the chunks of which variables cannot be read back, or are gone although there is a result."""
+    every, kept, found = store.chunks(group), place.written(LOBES), dict[store.Chunk, list[str]]()
+    for chunk, parts in zip(every, place.each(partial(_unreadable, group, kept), every), strict=True):
+        if parts:
+            found[chunk] = parts
+        if meter:
+            meter.advance(1)
+    return found
+
+
+def _remove_unreadable_shards(place: Place, found: Damage) -> None:
     """Remove the shards of damaged chunks: what else they hold is computed again with them.
 
     A shard whose index is damaged takes no chunk any more.
     """
-    group = store.open_group(path.resolve())
+    group = store.open_group(place)
     if not store.is_packed(group):
         return
-    for file in {store.file_of(path, group, chunk, name) for chunk, names in found.chunks.items() for name in names}:
-        file.unlink(missing_ok=True)
-    found.chunks.update({chunk: parts for chunk in store.chunks(group) if (parts := _unreadable(path, group, chunk))})
+    for key in {store.key_of(group, chunk, name) for chunk, names in found.chunks.items() for name in names}:
+        place.delete(key)
+    found.chunks.update(_damaged_chunks(place, group))
 
 
 def _reads(group: store.Group, name: str) -> bool:
@@ -139,30 +154,31 @@ def _reads(group: store.Group, name: str) -> bool:
     return True
 
 
-def _unreadable(path: Path, group: store.Group, chunk: store.Chunk) -> list[str]:
+def _unreadable(group: store.Group, kept: Container[str], chunk: store.Chunk) -> list[str]:
     """Return the variables of a chunk that cannot be read back, or are gone although there is a result."""
     parts = store.unreadable_parts(group, chunk)
     has_result = "status" not in parts and bool(np.isin(store.status_of(group, chunk), WITH_RESULT).any())
-    return [*parts, *(store.lost_parts(path, group, chunk) if has_result else [])]
+    return [*parts, *(store.lost_parts(group, chunk, kept) if has_result else [])]
 
 
-def _record_differs(output: Path) -> bool:
+def _record_differs(place: Place) -> bool:
     try:
-        said = yaml.safe_load((output / "settings.yaml").read_text())
+        said = yaml.safe_load(place.read(RECORD))
+    except StoreUnavailable:
+        raise
     except (OSError, ValueError, yaml.YAMLError):
         return True
-    held = metadata.attributes(output / "lobes.zarr")
+    held = metadata.attributes(place)
     return bool(said != {"study": held["study"], **held["settings"]})
 
 
-def _restore_fixed(path: Path, names: list[str], settings: Settings) -> None:
+def _restore_fixed(place: Place, names: list[str], settings: Settings) -> None:
     """Compute coordinates and structure anew that cannot be read."""
     if not names:
         return
     with TemporaryDirectory(prefix="chatter-") as scratch:
-        fresh = Path(scratch) / "fresh" / "lobes.zarr"
-        fresh.parent.mkdir()
+        fresh = Folder(Path(scratch))
         store.create(fresh, settings, [])
         for name in names:
-            shutil.rmtree(path / name / "c", ignore_errors=True)
-            shutil.copytree(fresh / name / "c", path / name / "c")
+            for key in fresh.written(f"{LOBES}/{name}/c"):
+                place.write(key, fresh.read(key))

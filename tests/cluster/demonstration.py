@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline import store
+from pipeline.places import Folder
 from tests.cluster.slurm import Slurm
 from tests.pipeline.studies import PATIENCE, ROOT, ended, journal, wait_until
 
@@ -89,7 +90,7 @@ def demonstrate(slurm: Slurm, folder: Path, tell: Callable[[str], None]) -> Show
 
 def differing(one: Path, other: Path) -> list[str]:
     """Return the arrays of two studies that are not the same, bit for bit."""
-    with store.open_lobes(one / "lobes.zarr") as first, store.open_lobes(other / "lobes.zarr") as second:
+    with store.open_lobes(Folder(one)) as first, store.open_lobes(Folder(other)) as second:
         assert set(first.variables) == set(second.variables)
         return [str(name) for name in first.variables if not _same(first[name].values, second[name].values)]
 

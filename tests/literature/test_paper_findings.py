@@ -16,6 +16,7 @@ import xarray as xr
 from chatter_core.floquet import MethodSettings
 from pipeline import findings, paper, store, sweep
 from pipeline.configuration import compose_settings, sort_words
+from pipeline.places import Folder
 
 GRID = ("grid.spindle_speed_rpm={start: 2000, stop: 24000, count: 45}", "grid.axial_depth_mm.count=28")
 
@@ -29,7 +30,7 @@ def evidence(tmp_path_factory: pytest.TempPathFactory) -> findings.Evidence:
         for name in paper.STUDIES:
             settings = compose_settings(sort_words([f"study=paper_{name}", "cluster=serial", *GRID], ()))
             assert sweep.execute(settings, output / name) == 0
-            with store.open_lobes(output / name / "lobes.zarr") as opened:
+            with store.open_lobes(Folder(output / name)) as opened:
                 lobes[name] = opened.load()
         together = compose_settings(sort_words(["study=paper_together", *GRID], ()))
         return paper.gather(together, lobes["together"], lobes["alone"])

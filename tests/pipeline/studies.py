@@ -14,6 +14,7 @@ from typing import Any
 import xarray as xr
 
 from pipeline.configuration import compose_settings, sort_words
+from pipeline.places import Folder, place_of
 from pipeline.settings import Settings
 from pipeline.sweep import OPTIONS, execute
 
@@ -46,7 +47,13 @@ def study(*words: str) -> Settings:
 
 def sweep(output: Path, *words: str, kernel: str = "plain", retry_failed: bool = False) -> int:
     """Run the small study in this process."""
-    return execute(study(*words), output, retry_failed=retry_failed, kernel=f"tests.pipeline.standins:{kernel}")
+    return execute(study(*words), Folder(output), retry_failed=retry_failed, kernel=f"tests.pipeline.standins:{kernel}")
+
+
+def run(words: list[str], kernel: str = "plain") -> int:
+    """Run the small study in this process where words of a command line say."""
+    place = place_of(sort_words(words, OPTIONS).options)
+    return execute(study(*words), place, argv=words, kernel=f"tests.pipeline.standins:{kernel}")
 
 
 def sweep_process(
@@ -55,15 +62,13 @@ def sweep_process(
     """Run the small study in a process of its own, in a process group of its own; launcher: what starts it."""
     script = (
         "import sys\n"
-        "from pathlib import Path\n"
-        "from tests.pipeline.studies import study\n"
+        "from tests.pipeline.studies import run\n"
         "from pipeline.__main__ import main\n"
         "from pipeline import report, sweep\n"
         "if __name__ == '__main__':\n"
         # Tables and figures take longer than everything else.
         "    report.write = lambda output: []\n"
-        f"    sweep.run = lambda words: sweep.execute(study(*words[1:]), Path(words[0]), argv=words,"
-        f" kernel='tests.pipeline.standins:{kernel}')\n"
+        f"    sweep.run = lambda words: run(words, kernel='{kernel}')\n"
         "    sys.exit(main(['sweep', *sys.argv[1:]]))\n"
     )
     # A file, not -c: worker processes import the script again.
@@ -71,7 +76,7 @@ def sweep_process(
     file.write_text(script)
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
     return subprocess.Popen(
-        [*launcher, sys.executable, str(file), str(output), *words],
+        [*launcher, sys.executable, str(file), f"output={output}", *words],
         cwd=output.parent,
         env=environment,
         stdout=subprocess.PIPE,

@@ -15,7 +15,7 @@ from pipeline import cluster, store
 from pipeline.cluster import Workers, open_client
 from pipeline.errors import WorkersLost
 from pipeline.settings import Cluster
-from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED
+from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED, GATE
 from tests.pipeline.studies import CHUNKS, PATIENCE, journal, lobes, sweep, sweep_process, wait_until
 
 
@@ -97,9 +97,10 @@ def test_a_speed_that_costs_its_worker_is_marked_and_no_other(
     assert (lobes(output)["status"] == STATUS["ok"]).all()
 
 
-def test_a_second_run_is_refused_and_told_who_works_there(tmp_path: Path) -> None:
-    output = tmp_path / "study"
-    first = sweep_process(output, "cluster=serial")
+def test_a_second_run_is_refused_and_told_who_works_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    output, gate = tmp_path / "study", tmp_path / "gate"
+    monkeypatch.setenv(GATE, str(gate))
+    first = sweep_process(output, "cluster=serial", kernel="gated")
     wait_until(lambda: len(journal(output, "chunk")) >= 1, first)
     second = sweep_process(output, "cluster=serial")
     _, told = second.communicate(timeout=PATIENCE)
@@ -107,6 +108,7 @@ def test_a_second_run_is_refused_and_told_who_works_there(tmp_path: Path) -> Non
     assert f"in use by process {first.pid} on " in told
     assert " since 2" in told
     assert "Traceback" not in told
+    gate.touch()
     _, rest = first.communicate(timeout=PATIENCE)
     assert first.returncode == 0, rest
     assert len(journal(output, "chunk")) == CHUNKS

@@ -9,6 +9,8 @@ from chatter_core.errors import InvalidInput
 from pipeline import report, store, sweep, verify
 from pipeline.__main__ import main
 from pipeline.pack import SHARD_BYTES, pack, shard_shape
+from pipeline.places import Folder
+from pipeline.places.folder import PACKING, UNPACKED
 from pipeline.settings import Cluster
 
 from tests.pipeline.studies import CHUNKS, journal, lobes, sweep as sweep_study  # isort: skip
@@ -37,13 +39,13 @@ def test_a_packed_store_holds_the_same_in_few_files(output: Path, capsys: pytest
     xr.testing.assert_identical(lobes(output).drop_attrs(), before.drop_attrs())
     for name in store.CHUNKED:
         assert len([file for file in (output / "lobes.zarr" / name / "c").rglob("*") if file.is_file()]) == 1
-    assert not verify.damage(output)
-    assert not {entry.name for entry in output.iterdir()} & {store.PACKING, store.UNPACKED}
+    assert not verify.damage(Folder(output))
+    assert not {entry.name for entry in output.iterdir()} & {PACKING, UNPACKED}
 
 
 def test_packing_twice_changes_nothing_and_a_run_finds_nothing_to_do(output: Path) -> None:
-    pack(output)
-    before, after = pack(output)
+    pack(Folder(output))
+    before, after = pack(Folder(output))
     assert before == after
     assert sweep_study(output) == 0
     assert len(journal(output, "chunk")) == CHUNKS
@@ -53,27 +55,27 @@ def test_packing_twice_changes_nothing_and_a_run_finds_nothing_to_do(output: Pat
 @pytest.mark.parametrize("name", ["spectral_radius", "status"])
 def test_a_flipped_bit_in_a_shard_is_found_and_repaired(output: Path, name: str, place: int) -> None:
     before = lobes(output)
-    pack(output)
+    pack(Folder(output))
     file = next(file for file in (output / "lobes.zarr" / name / "c").rglob("*") if file.is_file())
     content = bytearray(file.read_bytes())
     content[place] ^= 1
     file.write_bytes(content)
-    found = verify.damage(output)
+    found = verify.damage(Folder(output))
     assert found
-    assert verify.repair(output, found, None, [], Cluster(kind="serial")) == 0
-    assert not verify.damage(output)
+    assert verify.repair(Folder(output), found, None, [], Cluster(kind="serial")) == 0
+    assert not verify.damage(Folder(output))
     xr.testing.assert_identical(lobes(output).drop_attrs(), before.drop_attrs())
 
 
 def test_an_unfinished_store_is_not_packed(output: Path) -> None:
-    store.mark_chunk((output / "lobes.zarr").resolve(), store.Chunk(outer=(0, 1, 0), first=2, last=4), 0)
+    store.mark_chunk(Folder(output), store.Chunk(outer=(0, 1, 0), first=2, last=4), 0)
     with pytest.raises(InvalidInput, match="1 chunks are not computed yet"):
-        pack(output)
+        pack(Folder(output))
 
 
 def test_packing_that_was_killed_at_its_last_step_is_taken_back(output: Path) -> None:
     before = lobes(output)
-    (output / "lobes.zarr").rename(output / store.UNPACKED)
+    (output / "lobes.zarr").rename(output / UNPACKED)
     assert sweep_study(output) == 0
     xr.testing.assert_identical(lobes(output).drop_attrs(), before.drop_attrs())
 

@@ -10,6 +10,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS
 from pipeline import status, store
 from pipeline.__main__ import main
+from pipeline.places import Folder
 from tests.pipeline.studies import CELLS, CHUNKS, sweep
 
 
@@ -34,7 +35,7 @@ def written(folder, seconds):
 
 def test_a_whole_study_is_complete(tmp_path, capsys):
     sweep(tmp_path)
-    found = status.progress(tmp_path / "lobes.zarr")
+    found = status.progress(Folder(tmp_path))
     assert (found.state, found.cells, found.failed) == ("complete", {"ok": CELLS}, 0)
     capsys.readouterr()
     assert main(["status", f"output={tmp_path}"]) == 0
@@ -46,7 +47,7 @@ def test_rate_and_time_left_are_those_of_the_last_chunks(tmp_path, monkeypatch):
     # One an age ago, before an interruption, then one in 5 s: the age says nothing of the rate.
     written(tmp_path, [1e9, *(1e9 + 9e4 + 5.0 * np.arange(4))])
     monkeypatch.setattr("time.time", lambda: 1e9 + 9e4 + 21.0)
-    found = status.progress(tmp_path / "lobes.zarr")
+    found = status.progress(Folder(tmp_path))
     assert found.rate == pytest.approx(0.2)
     assert found.seconds_left == pytest.approx((CHUNKS - 5) / 0.2)
     assert found.state == "computing"
@@ -60,23 +61,23 @@ def test_silence_is_an_interruption(tmp_path, monkeypatch):
     sweep(tmp_path)
     written(tmp_path, 1e9 + 5.0 * np.arange(4))
     monkeypatch.setattr("time.time", lambda: 1e9 + 15.0 + 119.0)
-    assert status.progress(tmp_path / "lobes.zarr").state == "interrupted"
+    assert status.progress(Folder(tmp_path)).state == "interrupted"
     monkeypatch.setattr("time.time", lambda: 1e9 + 15.0 + 99.0)
-    assert status.progress(tmp_path / "lobes.zarr").state == "computing"
+    assert status.progress(Folder(tmp_path)).state == "computing"
 
 
 def test_before_the_first_chunk_nothing_is_known(tmp_path):
     sweep(tmp_path)
     written(tmp_path, [])
-    found = status.progress(tmp_path / "lobes.zarr")
+    found = status.progress(Folder(tmp_path))
     assert (found.state, found.rate, found.seconds_left) == ("empty", None, None)
     assert status.document(found)["chunks_written"] == 0
 
 
 def test_failed_cells_are_counted_and_told_by_the_exit_code(tmp_path, capsys):
     sweep(tmp_path)
-    path = tmp_path / "lobes.zarr"
-    store.mark_chunk(path, store.chunks(store.open_group(path))[3], STATUS["worker_lost"])
+    place = Folder(tmp_path)
+    store.mark_chunk(place, store.chunks(store.open_group(place))[3], STATUS["worker_lost"])
     capsys.readouterr()
     assert main(["status", f"output={tmp_path}", "format=json"]) == 1
     told = json.loads(capsys.readouterr().out)
@@ -86,7 +87,7 @@ def test_failed_cells_are_counted_and_told_by_the_exit_code(tmp_path, capsys):
 def test_a_damaged_chunk_is_pending(tmp_path):
     sweep(tmp_path)
     files(tmp_path)[2].write_bytes(b"not what was written")
-    assert status.progress(tmp_path / "lobes.zarr").cells == {"pending": 8, "ok": CELLS - 8}
+    assert status.progress(Folder(tmp_path)).cells == {"pending": 8, "ok": CELLS - 8}
 
 
 @pytest.mark.parametrize(

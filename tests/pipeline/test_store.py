@@ -12,6 +12,7 @@ from zarr.codecs import Crc32cCodec
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import CELL_STATUS, DIMENSIONS, STRUCTURE, SWEEP
 from pipeline import report, store
+from pipeline.places import Folder
 from tests.pipeline.standins import plain
 from tests.pipeline.studies import CELLS, CHUNKS, journal, lobes, study, sweep
 
@@ -21,7 +22,7 @@ LINE = ("modal_parameters", "preload", "mode_count", "spindle_speed")
 @pytest.fixture(scope="module")
 def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("template") / "lobes.zarr"
-    store.create(path, study(), ["a", "command"])
+    store.create(Folder(path.parent), study(), ["a", "command"])
     return path
 
 
@@ -151,7 +152,7 @@ def test_a_damaged_chunk_is_named_and_healed_by_the_next_run(copied: Path, finis
 def test_results_that_are_missing_are_not_reported(copied: Path) -> None:
     file_of(copied, "spectral_radius").unlink()
     with pytest.raises(InvalidInput, match="8 cells count as computed but hold no result"):
-        report.write(copied)
+        report.write(Folder(copied))
 
 
 @pytest.mark.parametrize(
@@ -174,7 +175,7 @@ def test_a_store_without_its_frame_is_refused_with_the_reason(copied: Path, part
         shutil.rmtree(damaged)
     else:
         damaged.unlink()
-    for use in (sweep, report.write):
+    for use in (sweep, lambda output: report.write(Folder(output))):
         with pytest.raises(
             InvalidInput, match=r"the store is damaged beyond its chunks: .* verify output=.* repair=true"
         ):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline import store
+from pipeline.places import Folder
 from tests.pipeline.browser import needs_chromium, opened
 from tests.pipeline.studies import sweep
 
@@ -32,7 +33,7 @@ def plotted(page, name, column):
 
 
 def limits(study, **chosen):
-    with store.open_lobes(study / "lobes.zarr") as lobes:
+    with store.open_lobes(Folder(study)) as lobes:
         return lobes["limit_depth"].isel(crossing=0).sel(modal_parameters="dynamic", **chosen).values
 
 

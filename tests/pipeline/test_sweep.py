@@ -6,12 +6,13 @@ import pytest
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import CELL_STATUS, STATUS, STRUCTURE, SWEEP
 from pipeline import store
+from pipeline.places import Folder
 from pipeline.sweep import run
 from tests.pipeline.studies import journal, sweep
 
 
 def arrays(folder):
-    with store.open_lobes(folder / "lobes.zarr") as lobes:
+    with store.open_lobes(Folder(folder)) as lobes:
         return {name: lobes[name].values for name in lobes.variables}
 
 
@@ -36,7 +37,7 @@ def smoke(tmp_path_factory):
 
 
 def test_store_opens_in_xarray_with_names_units_and_coordinates(smoke):
-    with store.open_lobes(smoke / "lobes.zarr") as lobes:
+    with store.open_lobes(Folder(smoke)) as lobes:
         for name, variable in {**SWEEP, **STRUCTURE, "status": CELL_STATUS}.items():
             assert lobes[name].dims == variable.dims
             assert lobes[name].attrs["units"] == variable.unit
@@ -51,7 +52,7 @@ def test_store_opens_in_xarray_with_names_units_and_coordinates(smoke):
 
 
 def test_smoke_study_has_the_limit_depths_of_the_reference_machine(smoke):
-    with store.open_lobes(smoke / "lobes.zarr") as lobes:
+    with store.open_lobes(Folder(smoke)) as lobes:
         limit = lobes["limit_depth"].sel(mode_count=4, preload=100.0, crossing=1)
         found = limit.sel(spindle_speed=[12000.0, 14000.0, 16000.0, 18000.0]).load()
     # Found once by an independent order-1 semi-discretization with n = 60, and good to 3 % here.
@@ -93,7 +94,7 @@ def test_chunking_changes_the_physics_by_rounding_alone(smoke, tmp_path):
 def test_an_adaptive_study_has_the_same_boundary_and_counts_as_complete(smoke, tmp_path):
     output = tmp_path / "adaptive"
     assert run(["study=smoke", "cluster=serial", "grid.cells=adaptive", f"output={output}"]) == 0
-    with store.open_lobes(smoke / "lobes.zarr") as dense, store.open_lobes(output / "lobes.zarr") as sparse:
+    with store.open_lobes(Folder(smoke)) as dense, store.open_lobes(Folder(output)) as sparse:
         assert np.array_equal(dense["spectral_radius"].values > 1.0, sparse["spectral_radius"].values > 1.0)
         # Roots to 5e-7 m each.
         assert sparse["limit_depth"].values == pytest.approx(dense["limit_depth"].values, abs=1e-3, nan_ok=True)
@@ -103,8 +104,8 @@ def test_an_adaptive_study_has_the_same_boundary_and_counts_as_complete(smoke, t
 def test_resuming_computes_only_what_is_missing(without_report, tmp_path):
     sweep(tmp_path)
     whole = arrays(tmp_path)
-    chunk = store.chunks(store.open_group(tmp_path / "lobes.zarr"))[3]
-    store.mark_chunk(tmp_path / "lobes.zarr", chunk, STATUS["pending"])
+    chunk = store.chunks(store.open_group(Folder(tmp_path)))[3]
+    store.mark_chunk(Folder(tmp_path), chunk, STATUS["pending"])
     (tmp_path / "lobes.zarr" / "status" / "c.partial").write_text("cut short")
     (tmp_path / "journal.jsonl").unlink()
     assert sweep(tmp_path) == 0

@@ -10,6 +10,7 @@ import xarray as xr
 from chatter_core.errors import InvalidInput
 from pipeline import metadata, report, sweep, verify
 from pipeline.__main__ import main
+from pipeline.places import Folder
 from pipeline.settings import Cluster
 
 from tests.pipeline.studies import CHUNKS, journal, lobes, study, sweep as sweep_study  # isort: skip
@@ -42,7 +43,7 @@ def output(made: Path, tmp_path: Path) -> Path:
 
 
 def repaired(output: Path) -> int:
-    return verify.repair(output, verify.damage(output), None, [], Cluster(kind="serial"))
+    return verify.repair(Folder(output), verify.damage(Folder(output)), None, [], Cluster(kind="serial"))
 
 
 def flip(file: Path, bit: int) -> None:
@@ -70,18 +71,18 @@ def test_every_one_of_many_random_bit_flips_is_found(output: Path) -> None:
         which = int(random.integers(len(files)))
         bit = int(random.integers(8 * sizes[which]))
         flip(files[which], bit)
-        assert verify.damage(output), f"bit {bit} of {files[which]}"
+        assert verify.damage(Folder(output)), f"bit {bit} of {files[which]}"
         flip(files[which], bit)
-    assert not verify.damage(output)
+    assert not verify.damage(Folder(output))
 
 
 def test_what_many_flips_at_once_have_damaged_is_made_as_it_was(output: Path, made: Path) -> None:
     random, files = np.random.default_rng(20261123), files_of(output)
     for which in random.choice(len(files), FLIPS, replace=False):
         flip(files[which], int(random.integers(8 * files[which].stat().st_size)))
-    assert verify.damage(output)
+    assert verify.damage(Folder(output))
     assert repaired(output) == 0
-    assert not verify.damage(output)
+    assert not verify.damage(Folder(output))
     xr.testing.assert_identical(lobes(output).drop_attrs(), lobes(made).drop_attrs())
 
 
@@ -98,6 +99,29 @@ def test_documents_and_coordinates_are_restored(output: Path, made: Path, place:
     (output / "lobes.zarr" / place).write_bytes(b"nothing that was ever written")
     assert repaired(output) == 0
     assert (output / "lobes.zarr" / place).read_bytes() == (made / "lobes.zarr" / place).read_bytes()
+
+
+@pytest.mark.parametrize("place", ["preload/c/0", "natural_frequency/c/0/0/0/0/0"])
+def test_coordinates_that_are_gone_are_noticed_and_restored(output: Path, made: Path, place: str) -> None:
+    (output / "lobes.zarr" / place).unlink()
+    assert verify.damage(Folder(output)).fixed == [place.partition("/")[0]]
+    assert repaired(output) == 0
+    assert (output / "lobes.zarr" / place).read_bytes() == (made / "lobes.zarr" / place).read_bytes()
+
+
+def test_a_coordinate_that_is_gone_stops_a_sweep(output: Path) -> None:
+    (output / "lobes.zarr/preload/c/0").unlink()
+    with pytest.raises(InvalidInput, match=r"preload is missing; restored by: python -m pipeline verify output="):
+        sweep.execute(study(), Folder(output))
+
+
+def test_a_machine_of_measured_modes_lacks_nothing(tmp_path: Path) -> None:
+    """Nothing is known of its bearings, and that is written."""
+    machine = tmp_path / "machine.yaml"
+    machine.write_text("tip: {modes: [{axis: x, natural_frequency_hz: 922, damping_ratio: 0.011, stiffness_n_um: 1}]}")
+    words = (f"machine={machine}", "tool=endmill_4x16", "cutting=cast_iron", "process=down_40")
+    assert sweep_study(tmp_path / "tip", *words, "grid.preload_n=null", "grid.mode_count=[1]") == 0
+    assert not verify.damage(Folder(tmp_path / "tip"))
 
 
 def test_a_store_whose_root_and_its_copy_are_damaged_is_given_up_in_words(output: Path) -> None:
@@ -120,4 +144,4 @@ def test_damage_is_told_by_place_with_the_command_that_repairs_it(
 def test_a_damaged_root_stops_a_sweep_with_the_command_that_repairs_it(output: Path) -> None:
     flip(output / "lobes.zarr" / metadata.DOCUMENT, 4001)
     with pytest.raises(InvalidInput, match=r"python -m pipeline verify output=.* repair=true"):
-        sweep.execute(study(), output)
+        sweep.execute(study(), Folder(output))

@@ -33,10 +33,12 @@ import sys
 from pathlib import Path
 from pipeline import report, sweep
 from pipeline.__main__ import main
+from pipeline.places import Folder
 from tests.pipeline.studies import study
 if __name__ == "__main__":
     report.write = lambda output: []
-    sweep.run = lambda words: sweep.execute(study(*words[1:]), Path(words[0]), kernel="tests.soak.kernel:logged")
+    kernel = "tests.soak.kernel:logged"
+    sweep.run = lambda words: sweep.execute(study(*words[1:]), Folder(Path(words[0])), kernel=kernel)
     sys.exit(main(["sweep", *sys.argv[1:]]))
 """
 

@@ -1,0 +1,37 @@
+"""The words of a verb that looks at a study which is there already."""
+
+from collections.abc import Mapping
+
+from chatter_core.errors import InvalidInput
+from pipeline.configuration import sort_words
+from pipeline.places import LOBES, OPTIONS, Place, place_of
+from pipeline.places.folder import UNPACKED
+
+
+def study_place(
+    words: list[str], verb: str, options: Mapping[str, tuple[str, ...]] | None = None
+) -> tuple[Place, dict[str, str]]:
+    """Return the place that ``output=DIR`` or ``store=ADDRESS`` names, and the values of the verb's other options.
+
+    options: what each may be, the first by default; without a choice it may be anything, by default empty. Raises
+    InvalidInput for words of another kind, and where the place holds no study.
+    """
+    options = options or {}
+    found = sort_words(words, (*OPTIONS, *options))
+    foreign = [*found.choices, *found.values, *(["machine"] if found.machine_file else [])]
+    own = [f"{option}={'|'.join(values) or '...'}" for option, values in options.items()]
+    takes = " and ".join(["output=DIR or store=ADDRESS", *own])
+    problems = [f"{word}: not for {verb}, which takes {takes} alone" for word in foreign]
+    if not {"output", "store"} & set(found.options):
+        problems.append("output: missing; needed: the folder of a study, or store=s3://BUCKET/PREFIX")
+    said = {option: found.options.get(option, values[0] if values else "") for option, values in options.items()}
+    for option, values in options.items():
+        if values and said[option] not in values:
+            problems.append(f"{option}: found {said[option]!r}, allowed: {', '.join(values)}")
+    if problems:
+        raise InvalidInput(problems)
+    place = place_of(found.options)
+    if not {LOBES, UNPACKED} & place.names():
+        name, _, value = place.option.partition("=")
+        raise InvalidInput([f"{name}: {value} holds no {LOBES}; compute it with: python -m pipeline sweep"])
+    return place, said
