@@ -75,16 +75,16 @@ soak: $(VENV)/.installed-test ## a study of 2000 chunks killed 20 times and resu
 	rm -rf results/soak
 	$(BIN)/python -m tests.soak results/soak $(ARGS)
 
-slurm: $(VENV)/.installed-test $(VENV)/.queues ## a study in a job of a SLURM on this machine, cancelled midway, into results/slurm (a minute; takes root)
+slurm: $(VENV)/.installed-test $(VENV)/.debian ## a study in a job of a SLURM on this machine, cancelled midway, into results/slurm (a minute; takes root)
 	rm -rf results/slurm
 	$(BIN)/python -m tests.cluster results/slurm
 
-test: $(VENV)/.installed-test $(VENV)/.queues ## style, types, import contracts and all tests
+test: $(VENV)/.installed-test $(VENV)/.debian ## style, types, import contracts and all tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/pytest -n 2 $(ARGS)
+	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 clean: ## remove the environment and caches, keep results
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
@@ -101,11 +101,11 @@ $(VENV)/.installed-test: pyproject.toml constraints.txt | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
 	@touch $@ $(VENV)/.installed
 
-# A SLURM and an MPI to test with, from Debian's packages. Who is not root does without: those tests then say what they need.
+# A SLURM, an MPI and a browser to test with, from Debian's packages. Who is not root does without: those tests then say what they need.
 PROMPTLY := -o Acquire::http::Timeout=20 -o Acquire::Retries=1
-$(VENV)/.queues: | $(BIN)/python
-	@if [ "$$(id -u)" = 0 ] && command -v apt-get > /dev/null && ! { command -v slurmctld && command -v mpirun; } > /dev/null; then \
+$(VENV)/.debian: | $(BIN)/python
+	@if [ "$$(id -u)" = 0 ] && command -v apt-get > /dev/null && ! { command -v slurmctld && command -v mpirun && command -v chromium; } > /dev/null; then \
 		{ apt-get -qq $(PROMPTLY) update && DEBIAN_FRONTEND=noninteractive apt-get -qq $(PROMPTLY) install --yes --no-install-recommends \
-			slurm-wlm munge openmpi-bin; } > $@.log 2>&1 || echo "no SLURM and MPI to test with, see $@.log"; \
+			slurm-wlm munge openmpi-bin chromium; } > $@.log 2>&1 || echo "no SLURM, MPI or browser to test with, see $@.log"; \
 	fi
 	@touch $@
