@@ -8,7 +8,7 @@ SEEDS  ?= test
 FOLDER ?= results/blind
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep point compare diagnose improve predict identify paper tutorial template report status verify pack s3 bench blind soak slurm test clean
+.PHONY: help run sweep point compare diagnose improve predict identify paper tutorial template report journal status verify pack s3 bench blind soak slurm test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -52,6 +52,9 @@ template: $(VENV)/.installed ## an empty measurement campaign to fill in, by ARG
 
 report: $(VENV)/.installed ## write tables, figures and page of a finished study again, by ARGS=output=DIR
 	$(BIN)/python -m pipeline report $(ARGS)
+
+journal: $(VENV)/.installed ## what happened in the runs of a study, by ARGS=output=DIR
+	$(BIN)/python -m pipeline journal $(ARGS)
 
 status: $(VENV)/.installed ## how far a study is, by ARGS=output=DIR
 	$(BIN)/python -m pipeline status $(ARGS)

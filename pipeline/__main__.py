@@ -30,6 +30,7 @@ VERBS = {
     "report": "write tables, figures and report of a computed study again",
     "verify": "read every byte of a computed study back, name what is damaged, and make it anew with repair=true",
     "pack": "put a finished study's chunks into few files, each still with its own checksum",
+    "journal": "what happened in the runs of a study, in sentences: begun, stopped, failed and why",
     "status": "how far a study is that is being computed, or was: done, failed, rate, time left",
 }
 
@@ -85,6 +86,7 @@ options of verbs
   paper     output=DIR
   template  output=DIR
   report    output=DIR or store=s3://BUCKET/PREFIX
+  journal   output=DIR or store=ADDRESS
   status    output=DIR or store=s3://BUCKET/PREFIX, format=text|json
   verify    output=DIR or store=s3://BUCKET/PREFIX, repair=true, effects_path=DIR
   pack      output=DIR

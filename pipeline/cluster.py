@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from tempfile import TemporaryDirectory
 from typing import Any
+from urllib.parse import urlsplit
 
 import dask
 from distributed import Client, LocalCluster, WorkerPlugin
@@ -208,6 +209,16 @@ def _await_worker(client: Client, patience: float, stopping: Callable[[], bool],
                 f"waiting for the first worker, {now - began:.0f} s of {patience:g}{said}", file=sys.stderr, flush=True
             )
         time.sleep(FIRST_LOOK)
+
+
+def pages(client: Client | None) -> str | None:
+    """Return the address of the pages on which Dask shows what its workers do; None where it serves none."""
+    port = None if client is None else client.scheduler_info()["services"].get("dashboard")
+    if client is None or port is None:
+        return None
+    # A scheduler of this process, or of threads, says no host.
+    host = urlsplit(client.scheduler.address).hostname if client.cluster is None else None
+    return f"http://{host or '127.0.0.1'}:{port}/status"
 
 
 def _count(client: Client) -> int:

@@ -1,16 +1,12 @@
-"""Progress on a terminal or in a log, and the journal of a run."""
+"""Progress on a terminal or in a log."""
 
-import json
 import sys
 import time
-from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-from pipeline.store import now
 
 #: Seconds between two lines where there is no terminal.
 LINE_INTERVAL = 10.0
@@ -62,15 +58,3 @@ class Meter:
             share = 100.0 * self.done / self.total
             how_far = f"{self.done} of {self.total} {self.what} ({share:.0f} %)"
             print(f"{how_far}, {self.rate:.0f} {self.what}/s, {left:.0f} s left", file=sys.stderr, flush=True)
-
-
-class Journal:
-    """Append what happens in a run to a JSONL file: one event a line, each with its time."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def write(self, event: str, **details: Any) -> None:
-        """Append an event."""
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps({"time": now(), "event": event, **details}) + "\n")

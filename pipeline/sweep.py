@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import FAILED, STATUS, WITH_RESULT
 from pipeline import metadata, places, report, store
-from pipeline.cluster import open_client
+from pipeline.cluster import open_client, pages
 from pipeline.configuration import (
     EFFECTS,
     EFFECTS_PATH,
@@ -27,8 +27,9 @@ from pipeline.configuration import (
 )
 from pipeline.dispatch import dispatched, signals
 from pipeline.errors import StorageFailed, StoreUnavailable, WorkersLost
+from pipeline.journal import Journal
 from pipeline.places import CLOCK, LOBES, LOCK, RECORD, Place, StillHeld, as_long_as_it_takes, place_of
-from pipeline.progress import Journal, Meter
+from pipeline.progress import Meter
 from pipeline.settings import Cluster, Settings, differing_keys
 from pipeline.task import KERNEL, Record, Task, compute_point
 
@@ -90,7 +91,7 @@ def carry_on(
 
     Returns and raises what ``execute`` does.
     """
-    journal = Journal(place.make_output() / "journal.jsonl")
+    journal = Journal(place.make_output())
     try:
         journal.write("start", argv=argv or [], pid=os.getpid(), host=socket.gethostname())
         _compute(settings, place, still_held, journal, retry_failed, kernel)
@@ -151,6 +152,7 @@ def _compute(
     with signals() as stopping:
         try:
             with open_client(cluster, lambda: bool(stopping.number)) as client, Meter(total, done) as meter:
+                _note_pages(journal, cluster, pages(client))
                 for record in dispatched(tasks, client, stopping, cluster.patience):
                     still_held()
                     _note(journal, record)
@@ -179,6 +181,15 @@ def _compile_once(task: Task) -> None:
         return
     finally:
         told.cancel()
+
+
+def _note_pages(journal: Journal, cluster: Cluster, address: str | None) -> None:
+    """Note where workers can be watched, and tell whoever sits before a terminal."""
+    if address is None:
+        return
+    journal.write("workers", cluster=cluster.kind, pages=address)
+    if sys.stderr.isatty():
+        print(f"workers can be watched at {address}", file=sys.stderr)
 
 
 def _note(journal: Journal, record: Record) -> None:
