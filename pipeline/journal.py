@@ -108,5 +108,5 @@ def _place(event: Event, values: dict[str, list[Any]]) -> str:
         for name, index in zip(("modal_parameters", "preload", "mode_count"), event["outer"], strict=True)
     )
     first, last = event["speeds"]
-    speed = values["spindle_speed"]
-    return f"chunk {parameters}, {preload:g} N, {modes:g} mode{'s' if modes > 1 else ''}, {speed[first]:g} to {speed[last - 1]:g} rpm"
+    begin, end = values["spindle_speed"][first], values["spindle_speed"][last - 1]
+    return f"chunk {parameters}, {preload:g} N, {modes} mode{'s' if modes > 1 else ''}, {begin:g} to {end:g} rpm"
