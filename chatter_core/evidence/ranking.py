@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 from chatter_core.evidence.candidates import Hypothesis
 
 #: Prior odds of nothing missing against any one effect [nats].
-NOTHING_MISSING = 3.0
+NOTHING_MISSING = 2.5
 #: Evidences count by this share: fits of models that are never quite right are surer than they are right.
 TEMPER = 0.5
 NOTHING = "none"
