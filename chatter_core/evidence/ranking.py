@@ -11,7 +11,7 @@ from chatter_core.evidence.candidates import Hypothesis
 #: Prior odds of nothing missing against any one effect [nats].
 NOTHING_MISSING = 2.5
 #: Evidences count by this share: fits of models that are never quite right are surer than they are right.
-TEMPER = 0.5
+TEMPER = 0.6
 NOTHING = "none"
 
 
