@@ -29,7 +29,7 @@ def evidence(tmp_path_factory: pytest.TempPathFactory) -> findings.Evidence:
         patch.setattr(paper, "TIMED", {"a quick method": MethodSettings(name="collocation", tolerance=1e-1)})
         for name in paper.STUDIES:
             settings = compose_settings(sort_words([f"study=paper_{name}", "cluster=serial", *GRID], ()))
-            assert sweep.execute(settings, output / name) == 0
+            assert sweep.execute(settings, Folder(output / name)) == 0
             with store.open_lobes(Folder(output / name)) as opened:
                 lobes[name] = opened.load()
         together = compose_settings(sort_words(["study=paper_together", *GRID], ()))
