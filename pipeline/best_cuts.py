@@ -34,9 +34,11 @@ def safe_depth(
     limit = stability_limit(lobes).fillna(float(lobes["axial_depth"].max()))
     known = lobes["spectral_radius"].notnull().all("axial_depth")
     speed = lobes["spindle_speed"].values
-    within = np.abs(speed[None, :] / speed[:, None] - 1.0) <= speed_margin + 1e-9
+    # Speeds ascend: those that are near to one stand side by side.
+    first = np.searchsorted(speed, speed * (1.0 - speed_margin - 1e-9))
+    last = np.searchsorted(speed, speed * (1.0 + speed_margin + 1e-9), side="right")
     values = np.where(known, limit, np.nan)
-    least = np.stack([values[..., near].min(axis=-1) for near in within], axis=-1)
+    least = np.stack([values[..., a:b].min(axis=-1) for a, b in zip(first, last, strict=True)], axis=-1)
     inside = (speed * (1.0 - speed_margin) >= speed[0]) & (speed * (1.0 + speed_margin) <= speed[-1])
     return limit.copy(data=np.where(inside, (1.0 - depth_margin) * least, np.nan)).rename("safe_depth")
 

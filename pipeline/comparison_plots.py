@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from bokeh.models import Legend, LegendItem, Model
+from bokeh.models import Model
 from bokeh.plotting import figure
 from bokeh.plotting.contour import contour_data
 
@@ -22,7 +22,7 @@ from pipeline.comparison_figures import (
     setup_text,
     trial_colours,
 )
-from pipeline.plots import Choices, Key, flat_key, hover, numbers, plot
+from pipeline.plots import Choices, Key, add_key, hover, numbers, plot
 
 MODEL, CUTS, RESPONSE = "model", "cuts", "response"
 #: Marks of the outcomes.
@@ -58,14 +58,12 @@ def _lobes(found: Assessment) -> dict[str, Model]:
     made.multi_polygons("xs", "ys", source=bands, color=CALIBRATED, fill_alpha=0.18, line_width=0)
     lines = choices.source({key: _boundary(field) for key, _, field in cases}, {})
     boundary = made.multi_line("xs", "ys", source=lines, color=CALIBRATED, line_width=2)
-    entries = [LegendItem(label="boundary", renderers=[boundary])]
+    entries = {"boundary": [boundary]}
     trials = found.comparison.model.campaign.trials
     if trials is not None:
         marks = _trials(made, choices, [(key, _trial_columns(trials, version, field)) for key, version, field in cases])
-        entries += [LegendItem(label=name, renderers=[mark]) for name, mark in marks.items()]
-    key = Legend(items=entries)
-    made.add_layout(key, "above")
-    flat_key(key)
+        entries |= {name: [mark] for name, mark in marks.items()}
+    add_key(made, entries)
     field = found.refitted.fields[0]
     made.x_range.start, made.x_range.end = (float(field.spindle_speed[i] / RPM) for i in (0, -1))
     made.y_range.start, made.y_range.end = 0.0, float(field.axial_depth[-1] / MILLIMETRE)
@@ -118,8 +116,8 @@ def _trial_columns(trials: Trials, version: Version, field: Field) -> dict[str, 
 def _trials(made: figure, choices: Choices, cases: Sequence[tuple[Key, dict[str, np.ndarray]]]) -> dict[str, Any]:
     """Add the trials, a mark for each outcome; return the marks."""
     marks = {}
-    for code, (name, marker) in enumerate(MARKS.items()):
-        assert OUTCOMES[code] == name
+    for name, marker in MARKS.items():
+        code = OUTCOMES.index(name)
         data = {
             key: {column: values[own["outcome"] == code] for column, values in own.items() if column != "outcome"}
             for key, own in cases
@@ -173,8 +171,6 @@ def _receptances(found: Assessment) -> dict[str, Model]:
             )],
         )
     )  # fmt: skip
-    key = Legend(items=[("measured", [points]), *((title, [line]) for title, line in lines.items())])
-    made.add_layout(key, "above")
-    flat_key(key)
+    add_key(made, {"measured": [points], **{title: [line] for title, line in lines.items()}})
     choices.bind()
     return {**choices.named("receptances"), "receptances": made}

@@ -59,10 +59,10 @@ class Diagnosis:
     base: the model as it was, calibrated; ranking: nothing missing and single effects; pair: the best pair, None
     where none was tried; powers: of every candidate; judged: the base model and the best ones held against the
     campaign, by name, and left: what each of them fails in that counts; held_out: scores on cuts held out, by name;
-    next_trial: the cut that would part the two best;
-    next_measurements: that one and others, what is most worth its cost first; intervals: of the parameters of effects
-    that are named, profiled; before_and_after: the base model and the best one with their lobes, for pictures, None
-    where nothing is missing; corrections: without a formula, where the verdict is ``unexplained``.
+    next_trial: the cut that would part the two best; next_measurements: that one and others, what is most worth its
+    cost first; intervals: of the parameters of effects that are named, profiled; before_and_after: the base model and
+    the best one with their lobes, for pictures, None where nothing is missing; corrections: without a formula, where
+    the verdict is ``unexplained``.
     """
 
     content: Content

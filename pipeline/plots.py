@@ -126,16 +126,18 @@ def plot(title: str, x: str, y: str, height: int = HEIGHT, **options: Any) -> fi
     return made
 
 
-def hover(renderers: Sequence[Any], rows: Sequence[tuple[str, str]], **options: Any) -> HoverTool:
+def hover(renderers: Sequence[Any], rows: Sequence[tuple[str, str]]) -> HoverTool:
     """Return what is told beside the pointer: rows of a title and a column."""
-    return HoverTool(renderers=list(renderers), tooltips=list(rows), **options)
+    return HoverTool(renderers=list(renderers), tooltips=list(rows))
 
 
-def flat_key(key: Legend) -> None:
-    """Let a key lie flat above its plot; a click on a name hides or shows its line."""
+def add_key(made: figure, entries: Mapping[str, Sequence[Any]]) -> None:
+    """Add a key that lies flat above a plot, of renderers by name; a click on a name hides or shows its own."""
+    key = Legend(items=[(name, list(renderers)) for name, renderers in entries.items()])
     key.orientation, key.ncols, key.location, key.margin, key.padding = "horizontal", ABREAST, "left", 0, 0
     key.click_policy = "hide"
     key.background_fill_alpha, key.border_line_alpha = 0.0, 0.0
+    made.add_layout(key, "above")
 
 
 def numbers(values: Any) -> np.ndarray:

@@ -7,7 +7,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 import xarray as xr
-from bokeh.models import ColorBar, ColumnDataSource, FixedTicker, Legend, LinearColorMapper, Model
+from bokeh.models import ColorBar, ColumnDataSource, FixedTicker, LinearColorMapper, Model
 from bokeh.plotting import figure
 from matplotlib.colors import to_hex
 
@@ -15,7 +15,7 @@ from chatter_core.variables import BIFURCATION
 from pipeline.best_cuts import best_cuts, removal_rate
 from pipeline.figures import COLOURS, RADIUS_LEVELS, STYLE, modes_label
 from pipeline.lobes import stability_limit
-from pipeline.plots import Choices, Key, flat_key, hover, numbers, plot
+from pipeline.plots import Choices, Key, add_key, hover, numbers, plot
 
 #: Most points of a map along speed and depth: finer ones are thinned out, the store holds all.
 MAP_SIZE = (400, 160)
@@ -76,7 +76,7 @@ def _lobes(lobes: xr.Dataset, choices: Choices) -> figure:
     made = plot("Stability lobes: stable below the line", SPEED_LABEL, DEPTH_LABEL, height=440)
     _span(made, lobes)
     speed, settings = numbers(lobes["spindle_speed"]), lobes.attrs["settings"]
-    renderers = []
+    renderers, entries = list[Any](), dict[str, list[Any]]()
     for colour, name in zip(COLOURS, lobes["modal_parameters"].values, strict=False):
         data = {}
         for key, part in _lines(lobes.sel(modal_parameters=name)):
@@ -90,11 +90,9 @@ def _lobes(lobes: xr.Dataset, choices: Choices) -> figure:
                 "rate": numbers(removal_rate(settings, part["spindle_speed"].values, limit.values)),
             }
         source = choices.source(data, {"speed": speed})
-        style = {"color": colour, "line_dash": DASHES[STYLE[name]], "legend_label": str(name)}
-        made.line("speed", "limit", source=source, line_width=2, **style)
-        renderers.append(
-            made.scatter("speed", "limit", source=source, size=3, color=colour, legend_label=style["legend_label"])
-        )
+        line = made.line("speed", "limit", source=source, line_width=2, color=colour, line_dash=DASHES[STYLE[name]])
+        renderers.append(made.scatter("speed", "limit", source=source, size=3, color=colour))
+        entries[str(name)] = [line, renderers[-1]]
     made.add_tools(
         hover(
             renderers,
@@ -107,14 +105,12 @@ def _lobes(lobes: xr.Dataset, choices: Choices) -> figure:
             ],
         )
     )
-    _best(made, lobes, choices)
-    made.add_layout(made.legend[0], "above")
-    flat_key(made.legend[0])
+    add_key(made, {**entries, "best cut": [_best(made, lobes, choices)]})
     return made
 
 
-def _best(made: figure, lobes: xr.Dataset, choices: Choices) -> None:
-    """Add the cut that removes most, of the kind of parameters that comes first."""
+def _best(made: figure, lobes: xr.Dataset, choices: Choices) -> Any:
+    """Add the cut that removes most, of the kind of parameters that comes first; return its mark."""
     cuts = best_cuts(lobes.isel(modal_parameters=[0]))
     data: dict[Key, dict[str, Any]] = {
         key: {"speed": [np.nan], "depth": [np.nan], "rate": [np.nan]} for key, _ in _lines(lobes)
@@ -126,15 +122,7 @@ def _best(made: figure, lobes: xr.Dataset, choices: Choices) -> None:
             "rate": [cut.removal_rate_cm3_min],
         }
     source = choices.source(data, {})
-    marker = made.scatter(
-        "speed",
-        "depth",
-        source=source,
-        marker="star",
-        size=18,
-        color="#E69F00",
-        legend_label="best cut",
-    )
+    marker = made.scatter("speed", "depth", source=source, marker="star", size=18, color="#E69F00")
     made.add_tools(
         hover(
             [marker],
@@ -145,6 +133,7 @@ def _best(made: figure, lobes: xr.Dataset, choices: Choices) -> None:
             ],
         )
     )
+    return marker
 
 
 def _holds_maps(lobes: xr.Dataset) -> bool:
@@ -284,9 +273,7 @@ def _over_speed(
         made.add_tools(
             hover([line], [("", title), ("spindle speed", "@speed{0} rpm"), (label, f"@{{{title}}}{{0.0000}}")])
         )
-    key = Legend(items=[(title, [line]) for title, line in lines.items()])
-    made.add_layout(key, "above")
-    flat_key(key)
+    add_key(made, {title: [line] for title, line in lines.items()})
     return made
 
 

@@ -29,12 +29,8 @@ def process(folder: Path, name: str, *words: str) -> Iterator[subprocess.Popen[b
             stderr=log,
             start_new_session=True,
         )
-    try:
+    with ended(started):
         yield started
-    finally:
-        if started.poll() is None:
-            os.killpg(started.pid, signal.SIGKILL)
-        started.wait()
 
 
 @pytest.mark.parametrize("way", ["killed", "retired"])

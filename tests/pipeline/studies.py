@@ -87,7 +87,7 @@ def sweep_process(
 
 
 @contextmanager
-def ended(process: subprocess.Popen[str]) -> Iterator[subprocess.Popen[str]]:
+def ended(process: subprocess.Popen[Any]) -> Iterator[subprocess.Popen[Any]]:
     """Have a process, and the group that it leads, gone in the end, whatever a test finds."""
     try:
         yield process
