@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from chatter_core.evidence.campaign import Campaign
-from chatter_core.evidence.candidates import Hypothesis, refit
+from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.corrections import (
     Told,
     checks_failed,
@@ -21,6 +21,7 @@ from chatter_core.evidence.corrections import (
     mending,
     told,
 )
+from chatter_core.evidence.pursuit import refit
 from chatter_core.units import si_factor, split_key
 from pipeline.figures import COLOURS
 from pipeline.jobs import Job, spread

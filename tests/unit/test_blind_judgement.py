@@ -241,6 +241,7 @@ def kept_answer(gains, *, chances=None, pair=None):
             "ranking": [{"effect": name, "score": gain} for name, gain in gains.items()],
             "power": [{"effect": name, "nats": 50.0} for name in gains],
             "pair": pair,
+            "other_pairs": [],
         },
         "chances": {"none": [], **{name: [] for name in gains}, **(chances or {})},
     }
