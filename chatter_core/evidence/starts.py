@@ -42,6 +42,8 @@ def promises(
     """Return starts of an effect, and what each promises over its null [nats].
 
     Each shape is looked at with the first strength, the best of them with the others too.
+
+    See docs/physics.md#diagnosis.
     """
     shapes = _shapes(new, comparison, at_null)
     found = [(worth.of(start), start) for start in _starts(comparison, own, new, AMPLITUDES[:1], shapes)]
@@ -66,7 +68,10 @@ def _shapes(new: Candidate, comparison: Comparison, at_null: Evaluation) -> list
 
 
 def missed_frequencies(comparison: Comparison, evaluation: Evaluation) -> Array:
-    """Return the frequencies (frequency,) [rad/s] at which chatter was heard most often that a model does not know."""
+    """Return the frequencies (frequency,) [rad/s] at which chatter was heard most often that a model does not know.
+
+    See docs/physics.md#diagnosis.
+    """
     assert isinstance(evaluation.state, Compared)
     trials = comparison.model.campaign.trials
     said = evaluation.state.contributions.get("chatter_frequency")
@@ -84,7 +89,10 @@ def _displacing(new: Candidate) -> Parameter | None:
 
 
 def chosen(comparison: Comparison, new: Candidate, promised: Sequence[tuple[float, Array]]) -> list[Array]:
-    """Return the starts that are climbed from: those that promise most, and the best large one to each of two sides."""
+    """Return the starts that are climbed from: those that promise most, and the best large one to each of two sides.
+
+    See docs/physics.md#diagnosis.
+    """
     ordered = sorted(promised, key=lambda one: -one[0])
     chosen = [start for promise, start in ordered[:CLIMBED] if promise >= SMALLEST_PROMISE]
     names = [parameter.name for parameter in comparison.parameters]
@@ -103,6 +111,8 @@ def unseen_starts(comparison: Comparison, own: Array, new: Candidate) -> list[Ar
     Where chatter frequencies alone say where modes lie, a model that lacks an effect bends far away to meet some of
     them; from there no look sees what the effect and an unbent machine would give together. Effects that do not move
     modes have none.
+
+    See docs/physics.md#diagnosis.
     """
     if not any(parameter.touches == "structure" for parameter in new.amplitudes):
         return []
@@ -138,7 +148,10 @@ class Worth:
 
 
 def smooth_rows(evaluation: Evaluation) -> NDArray[np.bool_]:
-    """Return which coordinates (coordinate,) do not jump when parameters move: all but chatter frequencies."""
+    """Return which coordinates (coordinate,) do not jump when parameters move: all but chatter frequencies.
+
+    See docs/physics.md#diagnosis.
+    """
     assert isinstance(evaluation.state, Compared)
     rows = np.ones(len(evaluation.coordinates), dtype=bool)
     rows[evaluation.state.coordinates_of.get("chatter_frequency", slice(0))] = False
