@@ -3,7 +3,7 @@
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from types import FrameType
@@ -59,7 +59,7 @@ def signals() -> Iterator[Stopping]:
             signal.signal(number, handler)
 
 
-def dispatched(tasks: list[Task], client: Client | None, stopping: Stopping, patience: float) -> Iterator[Record]:
+def dispatched(tasks: Iterable[Task], client: Client | None, stopping: Stopping, patience: float) -> Iterator[Record]:
     """Yield what became of every task, in the order in which they end, until stopped; without a client, here.
 
     Raises WorkersLost when there is no worker for ``patience`` seconds.
@@ -73,7 +73,7 @@ def dispatched(tasks: list[Task], client: Client | None, stopping: Stopping, pat
         yield compute_chunk(task)
 
 
-def _distributed(tasks: list[Task], client: Client, stopping: Stopping, workers: Workers) -> Iterator[Record]:
+def _distributed(tasks: Iterable[Task], client: Client, stopping: Stopping, workers: Workers) -> Iterator[Record]:
     """Hand out tasks in a bounded window, so that the scheduler stays small however many there are.
 
     The window is as wide as there are workers at the time. A worker that dies puts all tasks it held under suspicion;

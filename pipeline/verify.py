@@ -1,22 +1,20 @@
 """Every byte of a store read back: what is damaged is named, and with ``repair=true`` made anew."""
 
 import sys
-from collections.abc import Container
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
 import yaml
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
-from chatter_core.variables import STATUS, STRUCTURE, WITH_RESULT
-from pipeline import metadata, store, sweep
+from chatter_core.variables import STATUS, STRUCTURE
+from pipeline import metadata, store, survey, sweep
+from pipeline.chunks import Chunk
 from pipeline.configuration import EFFECTS_PATH
 from pipeline.errors import StoreUnavailable
-from pipeline.places import LOBES, RECORD, Folder, Place, StillHeld, as_long_as_it_takes
+from pipeline.places import RECORD, Folder, Place, StillHeld, as_long_as_it_takes
 from pipeline.progress import Meter
 from pipeline.settings import Cluster, Settings, recorded
 from pipeline.study_place import study_place
@@ -35,7 +33,7 @@ class Damage:
 
     documents: dict[str, str]
     fixed: list[str]
-    chunks: dict[store.Chunk, list[str]]
+    chunks: dict[Chunk, list[str]]
     settings: bool
 
     def __bool__(self) -> bool:
@@ -86,9 +84,11 @@ def damage(place: Place) -> Damage:
     wholes = (*store.COORDINATES, *STRUCTURE)
     lost = store.lost_wholes(place, wholes)
     fixed = [name for name in wholes if name in lost or not _reads(group, name)]
-    every = store.chunks(group)
-    with Meter(len(every), 0, "chunks") as meter:
-        chunks = _damaged_chunks(place, group, meter)
+    chunks = dict[Chunk, list[str]]()
+    with Meter(len(store.chunks(group)), 0, "chunks") as meter:
+        for count, parts in survey.damaged(place):
+            chunks |= parts
+            meter.advance(count)
     return Damage(documents={}, fixed=fixed, chunks=chunks, settings=_record_differs(place))
 
 
@@ -122,17 +122,6 @@ def repair(
         return sweep.carry_on(settings, place, still_held, argv=argv)
 
 
-def _damaged_chunks(place: Place, group: store.Group, meter: Meter | None = None) -> dict[store.Chunk, list[str]]:
-    """Return the chunks of which variables cannot be read back, or are gone although there is a result."""
-    every, kept, found = store.chunks(group), place.written(LOBES), dict[store.Chunk, list[str]]()
-    for chunk, parts in zip(every, place.each(partial(_unreadable, group, kept), every), strict=True):
-        if parts:
-            found[chunk] = parts
-        if meter:
-            meter.advance(1)
-    return found
-
-
 def _remove_unreadable_shards(place: Place, found: Damage) -> None:
     """Remove the shards of damaged chunks: what else they hold is computed again with them.
 
@@ -143,7 +132,8 @@ def _remove_unreadable_shards(place: Place, found: Damage) -> None:
         return
     for key in {store.key_of(group, chunk, name) for chunk, names in found.chunks.items() for name in names}:
         place.delete(key)
-    found.chunks.update(_damaged_chunks(place, group))
+    for _, parts in survey.damaged(place):
+        found.chunks.update(parts)
 
 
 def _reads(group: store.Group, name: str) -> bool:
@@ -152,13 +142,6 @@ def _reads(group: store.Group, name: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _unreadable(group: store.Group, kept: Container[str], chunk: store.Chunk) -> list[str]:
-    """Return the variables of a chunk that cannot be read back, or are gone although there is a result."""
-    parts = store.unreadable_parts(group, chunk)
-    has_result = "status" not in parts and bool(np.isin(store.status_of(group, chunk), WITH_RESULT).any())
-    return [*parts, *(store.lost_parts(group, chunk, kept) if has_result else [])]
 
 
 def _record_differs(place: Place) -> bool:
@@ -179,6 +162,6 @@ def _restore_fixed(place: Place, names: list[str], settings: Settings) -> None:
     with TemporaryDirectory(prefix="chatter-") as scratch:
         fresh = Folder(Path(scratch))
         store.create(fresh, settings, [])
+        made, group = store.open_group(fresh), store.open_group(place)
         for name in names:
-            for key in fresh.written(f"{LOBES}/{name}/c"):
-                place.write(key, fresh.read(key))
+            store.write_whole(store.array_of(group, name), store.whole(made, name))

@@ -87,21 +87,21 @@ def test_what_many_flips_at_once_have_damaged_is_made_as_it_was(output: Path, ma
 
 
 def test_only_what_is_damaged_is_computed_again(output: Path) -> None:
-    flip(output / "lobes.zarr/spectral_radius/c/0/1/0/1/0", 33)
-    (output / "lobes.zarr/limit_depth/c/0/0/1/2/0").unlink()
+    flip(output / "lobes.zarr/spectral_radius/c.0.1.0.1.0", 33)
+    (output / "lobes.zarr/limit_depth/c.0.0.1.2.0").unlink()
     assert repaired(output) == 0
     again = [(event["outer"], event["speeds"]) for event in journal(output, "chunk")][CHUNKS:]
     assert again == [([0, 0, 1], [4, 6]), ([0, 1, 0], [2, 4])]
 
 
-@pytest.mark.parametrize("place", ["zarr.json", "status/zarr.json", "preload/c/0", "natural_frequency/c/0/0/0/0/0"])
+@pytest.mark.parametrize("place", ["zarr.json", "status/zarr.json", "preload/c.0", "natural_frequency/c.0.0.0.0.0"])
 def test_documents_and_coordinates_are_restored(output: Path, made: Path, place: str) -> None:
     (output / "lobes.zarr" / place).write_bytes(b"nothing that was ever written")
     assert repaired(output) == 0
     assert (output / "lobes.zarr" / place).read_bytes() == (made / "lobes.zarr" / place).read_bytes()
 
 
-@pytest.mark.parametrize("place", ["preload/c/0", "natural_frequency/c/0/0/0/0/0"])
+@pytest.mark.parametrize("place", ["preload/c.0", "natural_frequency/c.0.0.0.0.0"])
 def test_coordinates_that_are_gone_are_noticed_and_restored(output: Path, made: Path, place: str) -> None:
     (output / "lobes.zarr" / place).unlink()
     assert verify.damage(Folder(output)).fixed == [place.partition("/")[0]]
@@ -110,7 +110,7 @@ def test_coordinates_that_are_gone_are_noticed_and_restored(output: Path, made: 
 
 
 def test_a_coordinate_that_is_gone_stops_a_sweep(output: Path) -> None:
-    (output / "lobes.zarr/preload/c/0").unlink()
+    (output / "lobes.zarr/preload/c.0").unlink()
     with pytest.raises(InvalidInput, match=r"preload is missing; restored by: python -m pipeline verify output="):
         sweep.execute(study(), Folder(output))
 
@@ -134,7 +134,7 @@ def test_a_store_whose_root_and_its_copy_are_damaged_is_given_up_in_words(output
 def test_damage_is_told_by_place_with_the_command_that_repairs_it(
     output: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    flip(output / "lobes.zarr/spectral_radius/c/0/1/0/1/0", 33)
+    flip(output / "lobes.zarr/spectral_radius/c.0.1.0.1.0", 33)
     assert main(["verify", f"output={output}"]) == 1
     told = capsys.readouterr()
     assert "damaged: spectral_radius: indices 0, 1, 0, speeds 2 to 3" in told.out

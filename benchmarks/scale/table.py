@@ -1,0 +1,2 @@
+def lines(found):
+    return [str(found)]
