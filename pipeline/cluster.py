@@ -22,6 +22,10 @@ from pipeline.settings import Cluster
 
 #: Seconds to wait for a scheduler to answer.
 SCHEDULER_PATIENCE = 60
+#: Seconds to wait for the answer of a task that has ended; it is lost when its worker died since.
+RESULT_PATIENCE = 10.0
+#: Seconds between two looks for tasks that have ended; a task takes about a second.
+POLL = 0.01
 #: Seconds between two looks at which workers there are.
 LOOK = 1.0
 #: Seconds between two looks for the first worker, and between two words of how long that takes.
@@ -52,6 +56,9 @@ CONFIGURATION = {
     # name up that is missing at a look 15 s after a death, and is then one worker short for good.
     "distributed.deploy.lost-worker-timeout": "365 days",
 }
+
+#: What becomes of a study that has lost its workers.
+KEPT = "nothing is lost, the same command goes on"
 
 
 class OneThreadEach(WorkerPlugin):  # type: ignore[misc]
@@ -94,12 +101,16 @@ def _starting_deaf() -> Iterator[None]:
 class Workers:
     """The workers of a client, looked at every so often: they come and go.
 
-    patience: seconds without any worker after which there is no hope of one.
+    patience: seconds without any worker after which there is no hope of one; then: what is told of what was computed.
     """
 
-    def __init__(self, client: Client, patience: float) -> None:
-        self.client, self.patience = client, patience
+    def __init__(self, client: Client, patience: float, then: str = KEPT) -> None:
+        self.client, self.patience, self.then = client, patience, then
         self.count = max(1, _count(client))
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin to wait for workers: nobody has looked for them meanwhile."""
         self.seen = self.looked = time.monotonic()
 
     def look(self) -> bool:
@@ -114,7 +125,7 @@ class Workers:
         if found:
             self.count, self.seen = found, now
         elif now - self.seen > self.patience:
-            raise WorkersLost(f"cluster: no worker for {self.patience:g} s; nothing is lost, the same command goes on")
+            raise WorkersLost(f"cluster: no worker for {self.patience:g} s; {self.then}")
         return True
 
 
@@ -198,10 +209,7 @@ def _await_worker(client: Client, patience: float, stopping: Callable[[], bool],
     while not _count(client) and not stopping():
         now = time.monotonic()
         if now - began > patience:
-            raise WorkersLost(
-                f"cluster: no worker came within {patience:g} s (cluster.patience_s){told()}; "
-                "nothing is lost, the same command goes on"
-            )
+            raise WorkersLost(f"cluster: no worker came within {patience:g} s (cluster.patience_s){told()}; {KEPT}")
         said = told()
         if now - word >= WORD_INTERVAL:
             word = now

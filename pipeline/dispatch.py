@@ -13,17 +13,13 @@ from distributed.scheduler import KilledWorker
 
 from chatter_core.variables import STATUS
 from pipeline import store
-from pipeline.cluster import Workers
+from pipeline.cluster import POLL, RESULT_PATIENCE, Workers
 from pipeline.task import Record, Task, compute_chunk
 
 #: Tasks handed out beyond those being computed, for each worker.
 WINDOW = 3
 #: Attempts at a chunk whose worker died.
 RETRIES = 2
-#: Seconds to wait for the record of a task that has ended; it is lost when its worker died since.
-RESULT_PATIENCE = 10.0
-#: Seconds between two looks for tasks that have ended; a task takes about a second.
-POLL = 0.01
 #: Seconds between two looks for whether a task has been begun.
 LOOK = 0.1
 #: What is said of speeds whose worker is lost while they are computed with nothing beside them.

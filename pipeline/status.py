@@ -81,12 +81,10 @@ def progress(place: Place) -> Progress:
 
     Raises InvalidInput when the store is damaged beyond its chunks.
     """
-    group, counts = store.check(place), np.zeros(len(STATUS), dtype=int)
-    for _, tally in survey.tallies(place):
-        counts += tally.sum(axis=0)
+    group = store.check(place)
     return Progress(
         study=str(group.attrs["study"]),
-        cells={name: int(counts[code]) for name, code in STATUS.items() if counts[code]},
+        cells=dict(survey.counts(place)),
         chunks=len(store.chunks(group)),
         written=store.written_at(place),
         now=time.time(),

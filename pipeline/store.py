@@ -335,8 +335,8 @@ def create_packed(path: Path, name: str, source: zarr.Array[Any], shard: tuple[i
 
 
 def open_lobes(place: Place) -> xr.Dataset:
-    """Open a store as a dataset, lazily."""
-    lobes: xr.Dataset = xr.open_zarr(place.store(), consolidated=False)
+    """Open a store as a dataset whose values are read when they are asked for, as many chunks at once as that are."""
+    lobes: xr.Dataset = xr.open_zarr(place.store(), consolidated=False, chunks=None)
     return lobes
 
 

@@ -4,6 +4,7 @@ Whatever number of chunks there is, nothing is held of each but a byte or two.
 """
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from functools import partial
 
@@ -33,6 +34,12 @@ def tallies(place: Place) -> Iterator[tuple[slice, np.ndarray]]:
         return piece[0], _tally(group, every, piece) if begun else _counted(_no_status(every, piece[1]), every)
 
     yield from place.each(tally, every.pieces())
+
+
+def counts(place: Place) -> Counter[str]:
+    """Return how many cells of a store have each status; those that have none are left out."""
+    total = sum((tally.sum(axis=0) for _, tally in tallies(place)), start=np.zeros(len(STATUS), dtype=int))
+    return Counter({name: int(total[code]) for name, code in STATUS.items() if total[code]})
 
 
 def pending(place: Place, retry_failed: bool) -> tuple[np.ndarray, np.ndarray]:

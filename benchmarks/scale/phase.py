@@ -1,4 +1,7 @@
-"""One phase of a study, measured in a process of its own: ``python -m benchmarks.scale.phase PHASE CHUNKS COMPUTED FOLDER``."""
+"""One phase of a study, measured in a process of its own.
+
+``python -m benchmarks.scale.phase PHASE CHUNKS COMPUTED FOLDER`` tells it in a line of JSON, the last.
+"""
 
 import json
 import os
@@ -6,6 +9,7 @@ import shutil
 import stat
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -72,13 +76,13 @@ def compute(chunks: int, _: int, folder: Path) -> dict[str, Any]:
 
 def files(_: int, __: int, folder: Path) -> dict[str, Any]:
     """Count the files of a study, what counts as one (folders too), their bytes, and those that they take."""
-    found = [os.stat(os.path.join(at, name)) for at, folders, names in os.walk(folder) for name in (*folders, *names)]
-    return {
-        "files": sum(stat.S_ISREG(one.st_mode) for one in found),
-        "inodes": len(found),
-        "bytes": sum(one.st_size for one in found if stat.S_ISREG(one.st_mode)),
-        "bytes_on_disk": 512 * sum(one.st_blocks for one in found),
-    }
+    found = Counter[str]()
+    for at, folders, names in os.walk(folder):
+        for name in (*folders, *names):
+            one = os.stat(os.path.join(at, name))
+            is_file = stat.S_ISREG(one.st_mode)
+            found.update(files=is_file, inodes=1, bytes=is_file * one.st_size, bytes_on_disk=512 * one.st_blocks)
+    return dict(found)
 
 
 def once(work: Callable[[Folder], object]) -> Phase:
