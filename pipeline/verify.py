@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS, STRUCTURE
-from pipeline import metadata, store, survey, sweep
+from pipeline import journal, metadata, store, survey, sweep
 from pipeline.chunks import Chunk
 from pipeline.configuration import EFFECTS_PATH
 from pipeline.errors import StoreUnavailable
@@ -28,28 +28,34 @@ class Damage:
     """What does not read back as it was written.
 
     documents: place in the store, and what is wrong; fixed: arrays of coordinates and structure; chunks: with the
-    variables of each; settings: whether the readable record beside the store differs from it.
+    variables of each; beside: files beside the store, and what is wrong; torn: lines of the journal, which nothing
+    restores and which are left.
     """
 
     documents: dict[str, str]
     fixed: list[str]
     chunks: dict[Chunk, list[str]]
-    settings: bool
+    beside: dict[str, str]
+    torn: int
+
+    @property
+    def mendable(self) -> bool:
+        """Whether there is something to be made anew."""
+        return bool(self.documents or self.fixed or self.chunks or self.beside)
 
     def __bool__(self) -> bool:
-        return bool(self.documents or self.fixed or self.chunks or self.settings)
+        return self.mendable or bool(self.torn)
 
     def sentences(self) -> list[str]:
         """Return what is wrong in words, place by place."""
         return [
-            *(f"{place}: {why}" for place, why in self.documents.items()),
+            *(f"{place}: {why}" for place, why in {**self.documents, **self.beside}.items()),
             *(f"{name}: cannot be read" for name in self.fixed),
             *(
                 f"{name}: indices {', '.join(map(str, chunk.outer))}, speeds {chunk.first} to {chunk.last - 1}"
                 for chunk, names in self.chunks.items()
                 for name in names
             ),
-            *(["settings.yaml: is not what the store says"] if self.settings else []),
         ]
 
 
@@ -59,8 +65,10 @@ def run(words: list[str]) -> int:
     own = Path(options[EFFECTS_PATH]).resolve() if options[EFFECTS_PATH] else None
     with place.held() as still_held:
         found = damage(place)
-        if not found:
-            print(f"{place}: every byte reads back as it was written")
+        if found.torn:
+            print(f"{journal.FILE}: {found.torn} lines are not as they were written; they stay, no result is in them")
+        if not found.mendable:
+            print(f"{place}: every byte {'of the store ' if found.torn else ''}reads back as it was written")
             return 0
         told = found.sentences()
         for sentence in told[:NAMED]:
@@ -76,10 +84,10 @@ def run(words: list[str]) -> int:
 
 def damage(place: Place) -> Damage:
     """Return what is damaged in the store of a study."""
-    documents = metadata.problems(place)
+    documents, torn = metadata.problems(place), journal.torn_lines(place.make_output() / journal.FILE)
     if documents:
         # Nothing can be read by documents that are wrong.
-        return Damage(documents=documents, fixed=[], chunks={}, settings=False)
+        return Damage(documents=documents, fixed=[], chunks={}, beside={}, torn=torn)
     group = store.open_group(place)
     wholes = (*store.COORDINATES, *STRUCTURE)
     lost = store.lost_wholes(place, wholes)
@@ -89,7 +97,7 @@ def damage(place: Place) -> Damage:
         for count, parts in survey.damaged(place):
             chunks |= parts
             meter.advance(count)
-    return Damage(documents={}, fixed=fixed, chunks=chunks, settings=_record_differs(place))
+    return Damage(documents={}, fixed=fixed, chunks=chunks, beside=_wrong_beside(place), torn=torn)
 
 
 def repair(
@@ -117,6 +125,7 @@ def repair(
         settings = recorded(metadata.attributes(place), own, cluster or Cluster(kind="local"))
         _restore_fixed(place, found.fixed, settings)
         place.write(RECORD, settings.record().encode())
+        metadata.refresh_copy(place)
         for chunk in found.chunks:
             store.mark_chunk(place, chunk, STATUS["pending"])
         return sweep.carry_on(settings, place, still_held, argv=argv)
@@ -142,6 +151,12 @@ def _reads(group: store.Group, name: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def _wrong_beside(place: Place) -> dict[str, str]:
+    """Return which files beside a store are wrong that it restores, and in which way."""
+    found = {RECORD: "is not what the store says"} if _record_differs(place) else {}
+    return found if metadata.copy_is_whole(place) else {**found, metadata.COPY: "does not bear its checksum"}
 
 
 def _record_differs(place: Place) -> bool:
