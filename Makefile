@@ -85,8 +85,8 @@ slurm: $(VENV)/.installed-test $(VENV)/.debian ## a study in a job of a SLURM on
 	rm -rf results/slurm
 	$(BIN)/python -m tests.cluster results/slurm
 
-fuzz: $(VENV)/.installed-test ## mutated files by the thousand, each read or told in sentences (some minutes)
-	FUZZ_EXAMPLES=5000 $(BIN)/pytest -n 2 tests/property/test_hostile_files.py $(ARGS)
+fuzz: $(VENV)/.installed-test ## mutated files and words by the thousand, each read or told in sentences (some minutes)
+	FUZZ_EXAMPLES=5000 $(BIN)/pytest -n 2 tests/property/test_hostile_*.py $(ARGS)
 
 test: $(VENV)/.installed-test $(VENV)/.debian ## style, types, import contracts and all tests
 	$(BIN)/ruff check .

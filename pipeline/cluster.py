@@ -12,7 +12,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import dask
-from distributed import Client, LocalCluster, WorkerPlugin
+from distributed import Client, LocalCluster, SchedulerPlugin, WorkerPlugin
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
@@ -69,6 +69,17 @@ class OneThreadEach(WorkerPlugin):  # type: ignore[misc]
     def setup(self, worker: Any) -> None:
         """Set the limit in the worker's process."""
         threadpool_limits(1)
+
+
+class SmallScheduler(SchedulerPlugin):  # type: ignore[misc]
+    """Keep a scheduler from growing with every task: it notes of each where it came from, and never forgets that."""
+
+    name = "small-scheduler"
+
+    def update_graph(self, scheduler: Any, **_: Any) -> None:
+        """Forget what was noted of tasks that came."""
+        for span in scheduler.extensions["spans"].spans.values():
+            span._metadata = None
 
 
 class DeafToInterrupts(WorkerPlugin):  # type: ignore[misc]
@@ -156,6 +167,9 @@ def open_client(cluster: Cluster, stopping: Callable[[], bool] = lambda: False) 
             client = started.enter_context(_local(cluster))
         _await_worker(client, cluster.patience, stopping, told)
         client.register_plugin(OneThreadEach())
+        if cluster.kind != "address":
+            # A scheduler that somebody else has started need not know the program.
+            client.register_plugin(SmallScheduler())
         yield client
 
 
