@@ -8,7 +8,7 @@ SEEDS  ?= test
 FOLDER ?= results/blind
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep point compare diagnose improve predict identify paper tutorial template report journal status verify pack s3 bench blind soak slurm test clean
+.PHONY: help run sweep point compare diagnose improve predict identify paper tutorial template report journal status verify pack s3 bench scale blind soak slurm test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -71,6 +71,9 @@ s3: $(VENV)/.installed-test ## a study in an object store, on a server of this m
 bench: $(VENV)/.installed ## speed and error beside the textbook's method, into results/bench.md
 	$(BIN)/python -m benchmarks $(ARGS)
 
+scale: $(VENV)/.installed-test ## what 2 thousand to 200 thousand chunks cost beside the physics, into results/scale (an hour; goes on where it was interrupted)
+	$(BIN)/python -m benchmarks.scale $(ARGS)
+
 blind: $(VENV)/.installed ## hidden effects diagnosed blind and judged, into FOLDER (many hours; goes on where it was interrupted)
 	$(BIN)/python -m benchmarks.blind $(SEEDS) $(FOLDER) $(ARGS)
 
@@ -82,8 +85,8 @@ slurm: $(VENV)/.installed-test $(VENV)/.debian ## a study in a job of a SLURM on
 	rm -rf results/slurm
 	$(BIN)/python -m tests.cluster results/slurm
 
-fuzz: $(VENV)/.installed-test ## mutated files by the thousand, each read or told in sentences (some minutes)
-	FUZZ_EXAMPLES=5000 $(BIN)/pytest -n 2 tests/property/test_hostile_files.py $(ARGS)
+fuzz: $(VENV)/.installed-test ## mutated files and words by the thousand, each read or told in sentences (some minutes)
+	FUZZ_EXAMPLES=5000 $(BIN)/pytest -n 2 tests/property/test_hostile_*.py $(ARGS)
 
 test: $(VENV)/.installed-test $(VENV)/.debian ## style, types, import contracts and all tests
 	$(BIN)/ruff check .

@@ -12,7 +12,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import dask
-from distributed import Client, LocalCluster, WorkerPlugin
+from distributed import Client, LocalCluster, SchedulerPlugin, WorkerPlugin
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
@@ -22,6 +22,10 @@ from pipeline.settings import Cluster
 
 #: Seconds to wait for a scheduler to answer.
 SCHEDULER_PATIENCE = 60
+#: Seconds to wait for the answer of a task that has ended; it is lost when its worker died since.
+RESULT_PATIENCE = 10.0
+#: Seconds between two looks for tasks that have ended; a task takes about a second.
+POLL = 0.01
 #: Seconds between two looks at which workers there are.
 LOOK = 1.0
 #: Seconds between two looks for the first worker, and between two words of how long that takes.
@@ -53,6 +57,9 @@ CONFIGURATION = {
     "distributed.deploy.lost-worker-timeout": "365 days",
 }
 
+#: What becomes of a study that has lost its workers.
+KEPT = "nothing is lost, the same command goes on"
+
 
 class OneThreadEach(WorkerPlugin):  # type: ignore[misc]
     """Keep the linear algebra of a worker to one thread, also where its environment says nothing."""
@@ -62,6 +69,17 @@ class OneThreadEach(WorkerPlugin):  # type: ignore[misc]
     def setup(self, worker: Any) -> None:
         """Set the limit in the worker's process."""
         threadpool_limits(1)
+
+
+class SmallScheduler(SchedulerPlugin):  # type: ignore[misc]
+    """Keep a scheduler from growing with every task: it notes of each where it came from, and never forgets that."""
+
+    name = "small-scheduler"
+
+    def update_graph(self, scheduler: Any, **_: Any) -> None:
+        """Forget what was noted of tasks that came."""
+        for span in scheduler.extensions["spans"].spans.values():
+            span._metadata = None
 
 
 class DeafToInterrupts(WorkerPlugin):  # type: ignore[misc]
@@ -94,12 +112,16 @@ def _starting_deaf() -> Iterator[None]:
 class Workers:
     """The workers of a client, looked at every so often: they come and go.
 
-    patience: seconds without any worker after which there is no hope of one.
+    patience: seconds without any worker after which there is no hope of one; then: what is told of what was computed.
     """
 
-    def __init__(self, client: Client, patience: float) -> None:
-        self.client, self.patience = client, patience
+    def __init__(self, client: Client, patience: float, then: str = KEPT) -> None:
+        self.client, self.patience, self.then = client, patience, then
         self.count = max(1, _count(client))
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin to wait for workers: nobody has looked for them meanwhile."""
         self.seen = self.looked = time.monotonic()
 
     def look(self) -> bool:
@@ -114,7 +136,7 @@ class Workers:
         if found:
             self.count, self.seen = found, now
         elif now - self.seen > self.patience:
-            raise WorkersLost(f"cluster: no worker for {self.patience:g} s; nothing is lost, the same command goes on")
+            raise WorkersLost(f"cluster: no worker for {self.patience:g} s; {self.then}")
         return True
 
 
@@ -145,6 +167,9 @@ def open_client(cluster: Cluster, stopping: Callable[[], bool] = lambda: False) 
             client = started.enter_context(_local(cluster))
         _await_worker(client, cluster.patience, stopping, told)
         client.register_plugin(OneThreadEach())
+        if cluster.kind != "address":
+            # A scheduler that somebody else has started need not know the program.
+            client.register_plugin(SmallScheduler())
         yield client
 
 
@@ -198,10 +223,7 @@ def _await_worker(client: Client, patience: float, stopping: Callable[[], bool],
     while not _count(client) and not stopping():
         now = time.monotonic()
         if now - began > patience:
-            raise WorkersLost(
-                f"cluster: no worker came within {patience:g} s (cluster.patience_s){told()}; "
-                "nothing is lost, the same command goes on"
-            )
+            raise WorkersLost(f"cluster: no worker came within {patience:g} s (cluster.patience_s){told()}; {KEPT}")
         said = told()
         if now - word >= WORD_INTERVAL:
             word = now

@@ -3,13 +3,12 @@
 from functools import partial
 from pathlib import Path
 
-from distributed import Client
-
 from chatter_core.evidence import CampaignModel, Comparison, calibrate
 from chatter_core.evidence.assessment import Assessment, as_described, assess
 from chatter_core.evidence.belief import Belief, fitted
 from pipeline import comparison_page, judging, model_file
 from pipeline.campaigns import Asked
+from pipeline.cluster import Workers
 from pipeline.jobs import Job, spread_parts
 from pipeline.judging import MODEL, Verb
 from pipeline.pieces import held_out_jobs, interval_jobs, intervals, lobe_jobs
@@ -24,8 +23,8 @@ def anything_will_do(model: CampaignModel) -> None:
     """Refuse nothing: the campaign's reader has made sure that something was measured."""
 
 
-def _compare(client: Client | None, asked: Asked) -> Assessment:
-    return compute(client, Comparison(model=asked.model), asked.belief)
+def _compare(workers: Workers | None, asked: Asked) -> Assessment:
+    return compute(workers, Comparison(model=asked.model), asked.belief)
 
 
 def _write(found: Assessment, asked: Asked, output: Path) -> list[Path]:
@@ -34,7 +33,7 @@ def _write(found: Assessment, asked: Asked, output: Path) -> list[Path]:
     return [*paths, output / MODEL]
 
 
-def compute(client: Client | None, comparison: Comparison, belief: Belief) -> Assessment:
+def compute(workers: Workers | None, comparison: Comparison, belief: Belief) -> Assessment:
     """Return everything that is known of how a model and a campaign agree.
 
     belief: what is known of the model's parameters before the campaign.
@@ -42,7 +41,7 @@ def compute(client: Client | None, comparison: Comparison, belief: Belief) -> As
     model = comparison.model
     before = belief.about(model)
     first = spread_parts(
-        client,
+        workers,
         {
             "calibrated": [Job(name="calibration", call=partial(calibrate, comparison, start=before.estimate))],
             "described": [Job(name="model as described", call=partial(as_described, comparison, belief))],
@@ -54,7 +53,7 @@ def compute(client: Client | None, comparison: Comparison, belief: Belief) -> As
     known = fitted(fit)
     parameters = [p.name for p in model.parameters if p.touches != "measurement"]
     second = spread_parts(
-        client,
+        workers,
         {
             "intervals": interval_jobs(comparison, fit, parameters),
             "lobes": lobe_jobs(model, known, "lobes as calibrated"),

@@ -5,7 +5,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from distributed import Client
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
@@ -23,6 +22,7 @@ from chatter_core.evidence.corrections import (
 )
 from chatter_core.evidence.pursuit import refit
 from chatter_core.units import si_factor, split_key
+from pipeline.cluster import Workers
 from pipeline.figures import COLOURS
 from pipeline.jobs import Job, spread
 
@@ -43,11 +43,11 @@ class Corrections:
     text: str
 
 
-def correct(client: Client | None, base: Hypothesis) -> Corrections:
+def correct(workers: Workers | None, base: Hypothesis) -> Corrections:
     """Fit every correction to what a base model leaves."""
     model = base.comparison.model
     fits = spread(
-        client, [Job(name=str(one), call=partial(fit_correction, base, one)) for one in corrections_of(model)]
+        workers, [Job(name=str(one), call=partial(fit_correction, base, one)) for one in corrections_of(model)]
     )
     # The base model gets the same chance to arrive as what is held against it.
     for one in sorted(fits, key=lambda one: -float(one.log_evidence))[:1]:

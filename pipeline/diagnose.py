@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from distributed import Client
-
 from pipeline import diagnosis_page, judging, model_file
 from pipeline.campaigns import Asked
+from pipeline.cluster import Workers
 from pipeline.diagnosis import Diagnosis, check_enough, completed, diagnose, with_pictures
 from pipeline.judging import MODEL, Verb
 
@@ -15,9 +14,9 @@ def run(words: list[str]) -> int:
     return judging.run(VERB, words)
 
 
-def _diagnose(client: Client | None, asked: Asked) -> Diagnosis:
-    found = diagnose(client, asked.model, asked.belief, asked.content)
-    return with_pictures(client, completed(client, found, asked.belief))
+def _diagnose(workers: Workers | None, asked: Asked) -> Diagnosis:
+    found = diagnose(workers, asked.model, asked.belief, asked.content)
+    return with_pictures(workers, completed(workers, found, asked.belief))
 
 
 def _write(found: Diagnosis, asked: Asked, output: Path) -> list[Path]:

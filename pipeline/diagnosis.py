@@ -7,7 +7,6 @@ from functools import partial
 from math import prod
 
 import numpy as np
-from distributed import Client
 
 from chatter_core.effects import Effect, effect_names, variants
 from chatter_core.errors import InvalidInput
@@ -27,6 +26,7 @@ from chatter_core.evidence.ranking import NOTHING, Ranked, rank
 from chatter_core.evidence.scores import Score, cut_scores
 from chatter_core.evidence.verdict import PAIR_GAIN, Verdict, decide, failed_checks
 from pipeline.campaigns import settings_of
+from pipeline.cluster import Workers
 from pipeline.corrections import Corrections, correct
 from pipeline.jobs import Job, spread, spread_parts
 from pipeline.model_file import Content
@@ -152,7 +152,7 @@ def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
 
 
 def diagnose(
-    client: Client | None, model: CampaignModel, belief: Belief, content: Content, start: Belief | None = None
+    workers: Workers | None, model: CampaignModel, belief: Belief, content: Content, start: Belief | None = None
 ) -> Diagnosis:
     """Return what is missing in a model: the ranking and the verdict.
 
@@ -161,16 +161,16 @@ def diagnose(
     """
     comparison, candidates = Comparison(model=model), candidates_of(model, content)
     known = (start or belief).about(model).estimate
-    (fit,) = spread(client, [Job(name="base model", call=partial(calibrate, comparison, start=known))])
-    base, ranking = _ranking(client, Hypothesis(candidates=(), comparison=comparison, fit=fit), candidates)
+    (fit,) = spread(workers, [Job(name="base model", call=partial(calibrate, comparison, start=known))])
+    base, ranking = _ranking(workers, Hypothesis(candidates=(), comparison=comparison, fit=fit), candidates)
     told_of = {NOTHING: base, **{one.name: one.best for one in ranking[:2] if one.name != NOTHING}}
     judged = {name: _judged(one) for name, one in told_of.items()}
     left = {name: what_is_left(one, judged[name]) for name, one in told_of.items()}
-    pairs = _pairs(client, base, candidates, ranking, left)
+    pairs = _pairs(workers, base, candidates, ranking, left)
     for pair in pairs[:1]:
         judged[pair.name] = _judged(pair.best)
         left[pair.name] = what_is_left(pair.best, judged[pair.name])
-    powers = _powers(client, base, candidates)
+    powers = _powers(workers, base, candidates)
     return Diagnosis(
         content=content,
         base=base,
@@ -184,7 +184,7 @@ def diagnose(
 
 
 def completed(
-    client: Client | None, found: Diagnosis, belief: Belief, of_base: dict[str, Score] | None = None
+    workers: Workers | None, found: Diagnosis, belief: Belief, of_base: dict[str, Score] | None = None
 ) -> Diagnosis:
     """Return a diagnosis with all that helps to go on: errors on cuts held out, the next cut, and corrections.
 
@@ -194,31 +194,31 @@ def completed(
     told_of = [one for one in _told_of_others(found) if of_base is None or one is not found.base]
     known = {} if of_base is None else {NOTHING: of_base}
     first, second = (one.best for one in found.ranking[:2]) if len(found.ranking) > 1 else (found.base, found.base)
-    cut, measurements = _next(client, first, second)
+    cut, measurements = _next(workers, first, second)
     return replace(
         found,
-        held_out=known | _held_out(client, told_of, belief),
+        held_out=known | _held_out(workers, told_of, belief),
         next_trial=cut,
         next_measurements=measurements,
-        intervals=intervals_of(client, found.supported),
-        corrections=correct(client, found.base) if found.verdict.kind == "unexplained" else None,
+        intervals=intervals_of(workers, found.supported),
+        corrections=correct(workers, found.base) if found.verdict.kind == "unexplained" else None,
     )
 
 
-def intervals_of(client: Client | None, named: Hypothesis) -> dict[str, Limits]:
+def intervals_of(workers: Workers | None, named: Hypothesis) -> dict[str, Limits]:
     """Return the profile intervals of the parameters of effects that are named; none for the base model."""
     names = [parameter.name for candidate in named.candidates for parameter in candidate.term.parameters]
-    ends = spread(client, interval_jobs(named.comparison, named.fit, names))
+    ends = spread(workers, interval_jobs(named.comparison, named.fit, names))
     return intervals(named.fit, names, ends)
 
 
 def _next(
-    client: Client | None, first: Hypothesis, second: Hypothesis
+    workers: Workers | None, first: Hypothesis, second: Hypothesis
 ) -> tuple[NextTrial | None, list[NextMeasurement]]:
     """Return the cut that would part two hypotheses, and all measurements that would, by what they are worth."""
     kinds: dict[str, dict[str, float]] = {"cut": {}, **other_cuts(first.comparison.model.campaign.machine)}
     found = spread_parts(
-        client,
+        workers,
         {
             "cuts": [Job(name=kind, call=partial(next_trial, first, second, **own)) for kind, own in kinds.items()],
             "receptances": [Job(name="receptances", call=partial(next_receptances, first, second))],
@@ -230,13 +230,13 @@ def _next(
 
 
 def _ranking(
-    client: Client | None, base: Hypothesis, candidates: Sequence[Candidate]
+    workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate]
 ) -> tuple[Hypothesis, list[Ranked]]:
     """Return the base model and the ranking of nothing missing and single effects."""
     for _ in range(GROUNDS):
         fitted_with = partial(fit_hypothesis, base.comparison, nested=ground(base))
-        near = spread(client, [Job(name=str(one), call=partial(fitted_with, [one])) for one in candidates])
-        singles = _climbed(client, near)
+        near = spread(workers, [Job(name=str(one), call=partial(fitted_with, [one])) for one in candidates])
+        singles = _climbed(workers, near)
         ranking = rank(base, singles)
         before = base.fit.log_evidence
         if ranking[0].name != NOTHING:
@@ -248,7 +248,7 @@ def _ranking(
     return base, rank(base, singles)
 
 
-def _climbed(client: Client | None, near: Sequence[Hypothesis]) -> list[Hypothesis]:
+def _climbed(workers: Workers | None, near: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Return hypotheses, fitted to their end where an effect has left its null and they come near the best."""
     found, ended = list(near), {index for index, one in enumerate(near) if not one.moved}
     while True:
@@ -257,18 +257,18 @@ def _climbed(client: Client | None, near: Sequence[Hypothesis]) -> list[Hypothes
         if not close:
             return found
         jobs = [Job(name=f"{found[i].name}, to its end", call=partial(refit, found[i], found[i].fit)) for i in close]
-        for index, one in zip(close, spread(client, jobs), strict=True):
+        for index, one in zip(close, spread(workers, jobs), strict=True):
             found[index] = one
             ended.add(index)
 
 
 def side_by_side(
-    client: Client | None, before: tuple[Hypothesis, Version], after: tuple[Hypothesis, Version]
+    workers: Workers | None, before: tuple[Hypothesis, Version], after: tuple[Hypothesis, Version]
 ) -> Assessment:
     """Return two hypotheses that were judged side by side, with their lobes."""
     parts = {"before": before, "after": after}
     jobs = {name: lobe_jobs(one.comparison.model, told.belief, f"lobes {name}") for name, (one, told) in parts.items()}
-    fields = spread_parts(client, jobs)
+    fields = spread_parts(workers, jobs)
     best, told = after
     return Assessment(
         comparison=best.comparison,
@@ -281,12 +281,12 @@ def side_by_side(
     )
 
 
-def with_pictures(client: Client | None, found: Diagnosis) -> Diagnosis:
+def with_pictures(workers: Workers | None, found: Diagnosis) -> Diagnosis:
     """Return a diagnosis with the lobes of the base model and of the best one, where that is another."""
     if found.best is found.base:
         return found
     pair = [(one, found.version(one)) for one in (found.base, found.best)]
-    return replace(found, before_and_after=side_by_side(client, *pair))
+    return replace(found, before_and_after=side_by_side(workers, *pair))
 
 
 def _judged(hypothesis: Hypothesis) -> Version:
@@ -307,7 +307,7 @@ def what_is_left(hypothesis: Hypothesis, judged: Version) -> list[Failure]:
 
 
 def _pairs(
-    client: Client | None,
+    workers: Workers | None,
     base: Hypothesis,
     candidates: Sequence[Candidate],
     ranking: Sequence[Ranked],
@@ -329,18 +329,18 @@ def _pairs(
         for one in candidates
         if one.name != first.name
     ]
-    prospects = sorted(spread(client, looks), key=lambda one: -one.promise)[:SECONDS]
+    prospects = sorted(spread(workers, looks), key=lambda one: -one.promise)[:SECONDS]
     jobs = [Job(name=f"{first.name} and {one.candidates[-1]}, fitted", call=partial(pursue, one)) for one in prospects]
     variants_of = Counter(one.name for one in candidates)
-    paired = _climbed(client, spread(client, jobs))
+    paired = _climbed(workers, spread(workers, jobs))
     counts = {pair.name: prod(variants_of[name] for name in pair.names) for pair in paired}
     pairs = [one for one in rank(base, paired, counts) if one.name != NOTHING]
     return sorted(pairs, key=lambda one: -one.gain)
 
 
-def _powers(client: Client | None, base: Hypothesis, candidates: Sequence[Candidate]) -> list[Power]:
+def _powers(workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate]) -> list[Power]:
     slope = slope_of(base)
-    return spread(client, [Job(name=f"power for {one}", call=partial(power, base, one, slope)) for one in candidates])
+    return spread(workers, [Job(name=f"power for {one}", call=partial(power, base, one, slope)) for one in candidates])
 
 
 def _told_of_others(found: Diagnosis) -> list[Hypothesis]:
@@ -349,14 +349,14 @@ def _told_of_others(found: Diagnosis) -> list[Hypothesis]:
     return [found.base, *([found.best] if found.best is not found.base else effects[:1])]
 
 
-def _held_out(client: Client | None, hypotheses: Sequence[Hypothesis], belief: Belief) -> dict[str, dict[str, Score]]:
+def _held_out(workers: Workers | None, hypotheses: Sequence[Hypothesis], belief: Belief) -> dict[str, dict[str, Score]]:
     """Return the scores on cuts held out, by the names of the hypotheses.
 
     belief: what was known before the campaign.
     """
     jobs = {name_of(one): held_out_jobs(one.comparison, _before(one, belief)) for one in hypotheses}
     campaigns = {name_of(one): one.comparison.model.campaign for one in hypotheses}
-    parts = spread_parts(client, jobs)
+    parts = spread_parts(workers, jobs)
     return {name: cut_scores(campaigns[name], together(said)) for name, said in parts.items() if said}
 
 

@@ -3,7 +3,7 @@
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from types import FrameType
@@ -13,17 +13,13 @@ from distributed.scheduler import KilledWorker
 
 from chatter_core.variables import STATUS
 from pipeline import store
-from pipeline.cluster import Workers
+from pipeline.cluster import POLL, RESULT_PATIENCE, Workers
 from pipeline.task import Record, Task, compute_chunk
 
 #: Tasks handed out beyond those being computed, for each worker.
 WINDOW = 3
 #: Attempts at a chunk whose worker died.
 RETRIES = 2
-#: Seconds to wait for the record of a task that has ended; it is lost when its worker died since.
-RESULT_PATIENCE = 10.0
-#: Seconds between two looks for tasks that have ended; a task takes about a second.
-POLL = 0.01
 #: Seconds between two looks for whether a task has been begun.
 LOOK = 0.1
 #: What is said of speeds whose worker is lost while they are computed with nothing beside them.
@@ -59,7 +55,7 @@ def signals() -> Iterator[Stopping]:
             signal.signal(number, handler)
 
 
-def dispatched(tasks: list[Task], client: Client | None, stopping: Stopping, patience: float) -> Iterator[Record]:
+def dispatched(tasks: Iterable[Task], client: Client | None, stopping: Stopping, patience: float) -> Iterator[Record]:
     """Yield what became of every task, in the order in which they end, until stopped; without a client, here.
 
     Raises WorkersLost when there is no worker for ``patience`` seconds.
@@ -73,7 +69,7 @@ def dispatched(tasks: list[Task], client: Client | None, stopping: Stopping, pat
         yield compute_chunk(task)
 
 
-def _distributed(tasks: list[Task], client: Client, stopping: Stopping, workers: Workers) -> Iterator[Record]:
+def _distributed(tasks: Iterable[Task], client: Client, stopping: Stopping, workers: Workers) -> Iterator[Record]:
     """Hand out tasks in a bounded window, so that the scheduler stays small however many there are.
 
     The window is as wide as there are workers at the time. A worker that dies puts all tasks it held under suspicion;

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import pandas as pd
-from distributed import Client
 
 from chatter_core.evidence import CampaignModel, Comparison
 from chatter_core.evidence.assessment import Assessment, Version, as_described, version
@@ -14,6 +13,7 @@ from chatter_core.evidence.held_out import groups
 from chatter_core.evidence.ranking import NOTHING
 from chatter_core.evidence.scores import ERRORS, Score
 from pipeline.campaigns import Asked, model_of
+from pipeline.cluster import Workers
 from pipeline.diagnosis import Diagnosis, completed, diagnose, side_by_side, with_pictures
 from pipeline.model_file import Content
 
@@ -52,14 +52,14 @@ class Improvement:
         return self.diagnoses[-1].version(self.final)
 
 
-def improve(client: Client | None, asked: Asked) -> Improvement:
+def improve(workers: Workers | None, asked: Asked) -> Improvement:
     """Return a model with what is missing added, step by step."""
     model, belief, content = asked.model, asked.belief, asked.content
     rows = [_first_row(model, belief)]
     diagnoses: list[Diagnosis] = []
     start, of_base = belief, None
     while True:
-        found = completed(client, diagnose(client, model, belief, content, start), belief, of_base)
+        found = completed(workers, diagnose(workers, model, belief, content, start), belief, of_base)
         if not diagnoses:
             rows.append(_row("calibrated", found.version(found.base), found.held_out.get(NOTHING, {})))
         diagnoses.append(found)
@@ -77,17 +77,17 @@ def improve(client: Client | None, asked: Asked) -> Improvement:
         content=content,
         added=added,
         history=_history(rows),
-        before_and_after=_before_and_after(client, diagnoses, added),
+        before_and_after=_before_and_after(workers, diagnoses, added),
     )
 
 
-def _before_and_after(client: Client | None, diagnoses: list[Diagnosis], added: tuple[str, ...]) -> Assessment | None:
+def _before_and_after(workers: Workers | None, diagnoses: list[Diagnosis], added: tuple[str, ...]) -> Assessment | None:
     """Return the calibrated base model and the final one side by side."""
     first, last = diagnoses[0], diagnoses[-1]
     if not added:
-        return with_pictures(client, first).before_and_after
+        return with_pictures(workers, first).before_and_after
     final = replace(last.version(last.base), title=f"With {' + '.join(added).replace('_', ' ')}")
-    return side_by_side(client, (first.base, first.version(first.base)), (last.base, final))
+    return side_by_side(workers, (first.base, first.version(first.base)), (last.base, final))
 
 
 def _first_row(model: CampaignModel, belief: Belief) -> dict[str, Any]:

@@ -2,13 +2,14 @@
 
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from distributed import Client, as_completed
+from distributed import as_completed
 from distributed.scheduler import KilledWorker
 
+from pipeline.cluster import POLL, RESULT_PATIENCE, Workers
 from pipeline.errors import WorkersLost
 
 
@@ -20,36 +21,60 @@ class Job:
     call: Callable[[], Any]
 
 
-def spread(client: Client | None, jobs: Sequence[Job]) -> list[Any]:
-    """Return the answers of jobs in their order, computed one after the other where there is no client.
+def spread(workers: Workers | None, jobs: Sequence[Job]) -> list[Any]:
+    """Return the answers of jobs in their order, computed one after the other where there are no workers.
 
-    Raises what a job raises, and WorkersLost when its worker died.
+    A job whose worker died is tried once more when the others are done, with nothing beside it. Raises what a job
+    raises, and WorkersLost when its worker died again, or there was none for long.
     """
-    began, answers = time.monotonic(), {}
-    if client is None:
+    began, answers = time.monotonic(), dict[int, Any]()
+
+    def take(number: int, answer: Any) -> None:
+        answers[number] = answer
+        _tell(len(answers), len(jobs), jobs[number].name, began)
+
+    if workers is None:
         for number, job in enumerate(jobs):
-            answers[number] = job.call()
-            _tell(len(answers), len(jobs), job.name, began)
-        return [answers[number] for number in range(len(jobs))]
-    futures = {client.submit(job.call, pure=False): number for number, job in enumerate(jobs)}
-    try:
-        for future in as_completed(futures):
-            number = futures[future]
-            answers[number] = future.result()
-            _tell(len(answers), len(jobs), jobs[number].name, began)
-    except KilledWorker:
-        raise WorkersLost(f"a worker died over {jobs[number].name}; is there memory enough?") from None
-    finally:
-        client.cancel(list(futures))
+            take(number, job.call())
+    else:
+        for number in _answered(workers, jobs, range(len(jobs)), take):
+            if _answered(workers, jobs, [number], take):
+                again = "and another with nothing beside it; is there memory enough?"
+                raise WorkersLost(f"a worker died over {jobs[number].name}, {again}")
     return [answers[number] for number in range(len(jobs))]
 
 
-def spread_parts(client: Client | None, parts: Mapping[str, Sequence[Job]]) -> dict[str, list[Any]]:
+def _answered(
+    workers: Workers, jobs: Sequence[Job], numbers: Iterable[int], take: Callable[[int, Any], None]
+) -> list[int]:
+    """Take the answers of some jobs as they come; return the jobs whose workers died."""
+    futures = {workers.client.submit(jobs[number].call, pure=False): number for number in numbers}
+    running, lost = as_completed(futures), list[int]()
+    workers.begin()
+    try:
+        while not running.is_empty():
+            workers.look()
+            if not running.has_ready():
+                time.sleep(POLL)
+                continue
+            future = next(running)
+            try:
+                answer = future.result(timeout=RESULT_PATIENCE)
+            except (KilledWorker, TimeoutError):
+                lost.append(futures[future])
+            else:
+                take(futures[future], answer)
+    finally:
+        workers.client.cancel(list(futures))
+    return lost
+
+
+def spread_parts(workers: Workers | None, parts: Mapping[str, Sequence[Job]]) -> dict[str, list[Any]]:
     """Return the answers of several lists of jobs, all of them spread together.
 
     Raises what ``spread`` does.
     """
-    answers = iter(spread(client, [job for jobs in parts.values() for job in jobs]))
+    answers = iter(spread(workers, [job for jobs in parts.values() for job in jobs]))
     return {name: [next(answers) for _ in jobs] for name, jobs in parts.items()}
 
 

@@ -1,7 +1,9 @@
 """What happened in the runs of a study: written as events, a JSON object a line, and told in sentences."""
 
 import json
-from collections.abc import Iterator, Sequence
+import os
+import zlib
+from collections.abc import Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,8 @@ from pipeline.store import now
 from pipeline.study_place import study_place
 
 FILE = "journal.jsonl"
+#: What a line begins with: the checksum of all the rest of it, as if it stood alone; or none.
+SEALED, UNSEALED = '{"crc32": "', '{"time": "'
 Event = dict[str, Any]
 #: Statuses of cells with a result.
 GOOD = {name for name, code in STATUS.items() if code in WITH_RESULT}
@@ -21,15 +25,30 @@ TOLD_ERROR = 200
 
 
 class Journal:
-    """Append what happens in a run to a JSONL file: one event a line, each with its time."""
+    """Append what happens in a run to a JSONL file: one event a line, each with its checksum and time."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / FILE
+        if self.path.exists() and not _ends_a_line(self.path):
+            # A run was killed while it wrote: what comes is not to be lost with its half line.
+            self._append("\n")
 
     def write(self, event: str, **details: Any) -> None:
         """Append an event."""
+        told = json.dumps({"time": now(), "event": event, **details})
+        self._append(f'{SEALED}{zlib.crc32(told.encode()):08x}", {told[1:]}\n')
+
+    def _append(self, text: str) -> None:
         with self.path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps({"time": now(), "event": event, **details}) + "\n")
+            file.write(text)
+
+
+def _ends_a_line(path: Path) -> bool:
+    """Return whether a file is empty or its last line is whole."""
+    with path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(0, size - 1))
+        return file.read() in (b"", b"\n")
 
 
 def run(words: list[str]) -> int:
@@ -42,15 +61,32 @@ def run(words: list[str]) -> int:
     return 0
 
 
-def read(path: Path) -> tuple[list[Event], int]:
+def read(path: Path) -> tuple[Iterator[Event], int]:
     """Return the events of a journal, and how many lines are none: a run that was killed may leave half a line."""
-    events, torn = list[Event](), 0
-    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
-        try:
-            events.append(dict(json.loads(line)))
-        except (ValueError, TypeError):
-            torn += 1
-    return events, torn
+    return (event for event in _lines(path) if event is not None), torn_lines(path)
+
+
+def torn_lines(path: Path) -> int:
+    """Return how many lines of a journal are not as they were written; none where there is no journal."""
+    return sum(event is None for event in _lines(path)) if path.exists() else 0
+
+
+def _lines(path: Path) -> Iterator[Event | None]:
+    with path.open(encoding="utf-8", errors="replace", newline="\n") as file:
+        yield from (_event(line.removesuffix("\n")) for line in file)
+
+
+def _event(line: str) -> Event | None:
+    """Return what a line tells, None where it is not as it was written. Lines of earlier versions bear no checksum."""
+    told = line
+    if not line.startswith(UNSEALED):
+        told = "{" + line[len(SEALED) + 11 :]
+        if line != f'{SEALED}{zlib.crc32(told.encode()):08x}", {told[1:]}':
+            return None
+    try:
+        return dict(json.loads(told))
+    except (ValueError, TypeError):
+        return None
 
 
 def axes(lobes: Any) -> dict[str, list[Any]]:
@@ -60,21 +96,28 @@ def axes(lobes: Any) -> dict[str, list[Any]]:
         return {name: lobes[name].values.tolist() for name in names}
 
 
-def sentences(events: Sequence[Event], torn: int, values: dict[str, list[Any]]) -> Iterator[str]:
+def sentences(events: Iterable[Event], torn: int, values: dict[str, list[Any]]) -> Iterator[str]:
     """Yield a line for every event, one for all chunks in a row in which nothing failed.
 
     torn: lines of the journal that could not be read; values: of the dimensions, for chunks are told by their place.
     """
     for plain, group in groupby(events, key=_is_plain_chunk):
-        some = list(group)
         if plain:
-            cells = sum(sum(event["counts"].values()) for event in some)
-            until = f" to {_clock(some[-1])}" if len(some) > 1 else ""
-            yield f"{_clock(some[0])}{until}  {len(some)} chunk{'s' if len(some) > 1 else ''} computed, {cells} cells"
+            yield _told_together(group)
         else:
-            yield from (f"{_clock(event)}  {_told(event, values)}" for event in some)
+            yield from (f"{_clock(event)}  {_told(event, values)}" for event in group)
     if torn:
         yield f"lines that could not be read: {torn}; a run was killed while it wrote"
+
+
+def _told_together(chunks: Iterator[Event]) -> str:
+    """Return the events of chunks in a row as one sentence."""
+    first = last = next(chunks)
+    number, cells = 1, sum(first["counts"].values())
+    for last in chunks:
+        number, cells = number + 1, cells + sum(last["counts"].values())
+    until = f" to {_clock(last)}" if number > 1 else ""
+    return f"{_clock(first)}{until}  {number} chunk{'s' if number > 1 else ''} computed, {cells} cells"
 
 
 def _is_plain_chunk(event: Event) -> bool:

@@ -13,7 +13,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Generic, TypeVar
 
-from distributed import Client
 from pydantic import Field
 from threadpoolctl import threadpool_limits
 
@@ -22,11 +21,13 @@ from chatter_core.evidence import CampaignModel
 from chatter_core.reading import shown
 from pipeline import comparison_document, diagnosis_document
 from pipeline.campaigns import WORDS, Asked, CampaignOptions, options_of, read
-from pipeline.cluster import open_client
+from pipeline.cluster import Workers, open_client
 from pipeline.configuration import sort_words
 from pipeline.errors import StoreInUse
 from pipeline.locking import locked, make_folder, remove_empty
 
+#: What becomes of an answer that has lost its workers.
+NOT_KEPT = "the same command begins again"
 Found = TypeVar("Found")
 
 #: Where every answer holds its model.
@@ -53,7 +54,7 @@ class Verb(Generic[Found]):
     name: str
     files: tuple[str, ...]
     check: Callable[[CampaignModel], None]
-    compute: Callable[[Client | None, Asked], Found]
+    compute: Callable[[Workers | None, Asked], Found]
     write: Callable[[Found, Asked, Path], list[Path]]
     summary: Callable[[Found], str]
     lost: Callable[[Found], int]
@@ -74,7 +75,8 @@ def run(verb: Verb[Found], words: list[str]) -> int:
         _refuse_loss(verb.files, output, options, asked)
         with _held(output):
             with open_client(asked.cluster) as client:
-                found = verb.compute(client, asked)
+                workers = None if client is None else Workers(client, asked.cluster.patience, NOT_KEPT)
+                found = verb.compute(workers, asked)
             written = _write(verb, found, asked, output)
     print(verb.summary(found))
     for path in written:

@@ -52,6 +52,11 @@ def refresh_copy(place: Place) -> None:
         place.write(COPY, root)
 
 
+def copy_is_whole(place: Place) -> bool:
+    """Return whether the copy beside a store bears its checksum; it may be that of the time before a run was killed."""
+    return _intact(_read(place, COPY)) is not None
+
+
 def problems(place: Place) -> dict[str, str]:
     """Return what is wrong with the documents of a store, by their place in it; nothing when all is well."""
     root = _intact(_read(place, ROOT))

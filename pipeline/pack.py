@@ -8,7 +8,7 @@ import numpy as np
 
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS
-from pipeline import metadata, store
+from pipeline import metadata, store, survey
 from pipeline.places import LOBES, Folder
 from pipeline.places.folder import PACKING
 from pipeline.progress import Meter
@@ -41,7 +41,7 @@ def pack(place: Folder) -> tuple[int, int]:
     files = _files(path)
     if store.is_packed(group):
         return files, files
-    _require_finished(place, group)
+    _require_finished(place)
     shutil.rmtree(packing, ignore_errors=True)
     # Without the chunk files: what stands in single pieces is taken as it is.
     shutil.copytree(path, packing, ignore=lambda folder, names: [n for n in names if _is_of_chunks(path, folder, n)])
@@ -51,7 +51,7 @@ def pack(place: Folder) -> tuple[int, int]:
             meter.advance(1)
     metadata.reseal(place, PACKING, packed=store.now())
     place.exchange()
-    store.open_group.cache_clear()
+    store.forget()
     metadata.refresh_copy(place)
     return files, _files(path)
 
@@ -72,18 +72,15 @@ def shard_shape(shape: tuple[int, ...], chunks: tuple[int, ...], item: int) -> t
     return tuple(shard)
 
 
-def _require_finished(place: Folder, group: store.Group) -> None:
-    kept, pending, damaged = place.written(LOBES), 0, 0
-    for chunk in store.chunks(group):
-        unreadable = store.unreadable_parts(group, chunk)
-        damaged += bool(unreadable or store.lost_parts(group, chunk, kept))
-        pending += not unreadable and bool((store.status_of(group, chunk) == STATUS["pending"]).any())
-    if pending:
-        where = place.where(LOBES)
-        raise InvalidInput([f"{where}: {pending} chunks are not computed yet; a store is packed when it is finished"])
+def _require_finished(place: Folder) -> None:
+    where = place.where(LOBES)
+    damaged = sum(len(found) for _, found in survey.damaged(place))
     if damaged:
         first = f"python -m pipeline verify {place.option} repair=true"
-        raise InvalidInput([f"{place.where(LOBES)}: {damaged} chunks are damaged; first: {first}"])
+        raise InvalidInput([f"{where}: {damaged} chunks are damaged; first: {first}"])
+    pending = sum(int((tally[:, STATUS["pending"]] > 0).sum()) for _, tally in survey.tallies(place))
+    if pending:
+        raise InvalidInput([f"{where}: {pending} chunks are not computed yet; a store is packed when it is finished"])
 
 
 def _pack_variable(group: store.Group, packing: Path, name: str) -> None:
@@ -101,7 +98,7 @@ def _pack_variable(group: store.Group, packing: Path, name: str) -> None:
 
 
 def _is_of_chunks(path: Path, folder: str, name: str) -> bool:
-    return name == "c" and Path(folder).parent == path and Path(folder).name in store.CHUNKED
+    return name.partition(".")[0] == "c" and Path(folder).parent == path and Path(folder).name in store.CHUNKED
 
 
 def _files(path: Path) -> int:

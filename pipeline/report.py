@@ -1,6 +1,7 @@
 """Tables, figures and the page of a computed study."""
 
 import json
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,9 @@ import xarray as xr
 
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS, WITH_RESULT
-from pipeline import figures, page, store, tables
+from pipeline import figures, page, store, survey, tables
 from pipeline.best_cuts import DEPTH_MARGIN, SPEED_MARGIN, best_cuts
+from pipeline.chunks import Chunks
 from pipeline.lobes import crossover_speeds, dominance, most_misjudged, stability_limit
 from pipeline.places import LOBES, Place
 from pipeline.plots import embed
@@ -40,6 +42,8 @@ GROUPS = {
         "gyroscopic_moment",
     ),
 }
+#: Speeds of all lines of lobes together, and cells, that a report shows: of larger studies every so manieth speed.
+MOST_LINES, MOST_CELLS = 50_000, 4_000_000
 #: Bytes of tables that a page offers; longer ones stand beside it.
 DOWNLOADS = 600_000
 
@@ -63,10 +67,11 @@ def run(words: list[str]) -> int:
 
 def write(place: Place) -> list[Path]:
     """Write tables, figures and report.html of the store in a place; return the paths."""
-    store.check(place)
+    group, counts = store.check(place), survey.counts(place)
+    step = _step(store.chunks(group))
     try:
         with store.open_lobes(place) as opened:
-            lobes = opened.load()
+            lobes = opened.isel(spindle_speed=slice(None, None, step)).load()
     except (ValueError, RuntimeError, KeyError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InvalidInput([f"{place.where(LOBES)}: cannot be read, a part is missing or damaged: {reason}"]) from None
@@ -78,8 +83,22 @@ def write(place: Place) -> list[Path]:
     output = place.make_output()
     written = [*tables.write(lobes, output / "tables"), *figures.write(lobes, output / "figures", preload)]
     html = output / "report.html"
-    _page(html, place.opening, lobes, preload, [path for path in written if path.suffix == ".csv"])
+    warnings = [*_left_out(lobes, step), *_warnings(counts, lobes["limits_complete"].values)]
+    csv = [path for path in written if path.suffix == ".csv"]
+    _page(html, place.opening, lobes, preload, counts.total(), warnings, csv)
     return [*written, html]
+
+
+def _step(every: Chunks) -> int:
+    """Return that every so manieth speed is shown, 1 for all: what a report holds is limited, however large a study."""
+    lines, cells = every.all_cells // every.depths, every.all_cells
+    return max(1, -(-lines // MOST_LINES), -(-cells // MOST_CELLS))
+
+
+def _left_out(lobes: xr.Dataset, step: int) -> list[str]:
+    """Return what a report says that does not show all, nothing where it does."""
+    shown = f"One speed of {step} is shown, {lobes.sizes['spindle_speed']} in all"
+    return [f"{shown}: findings, tables and figures are of these; the store has all."] if step > 1 else []
 
 
 def _shown_preload(lobes: xr.Dataset) -> float:
@@ -89,17 +108,18 @@ def _shown_preload(lobes: xr.Dataset) -> float:
     return float(own) if own in values else float(values[0])
 
 
-def _page(html: Path, opening: str, lobes: xr.Dataset, preload: float, written: list[Path]) -> None:
+def _page(
+    html: Path, opening: str, lobes: xr.Dataset, preload: float, points: int, warnings: list[str], written: list[Path]
+) -> None:
     attributes = lobes.attrs
     made = study_plots(lobes, preload)
     short = [path for path in written if path.stat().st_size <= DOWNLOADS / len(written)]
-    status = lobes["status"].values
     page.write(
         html,
         "report.html",
         title=attributes["title"],
-        subtitle=f"{status.size} operating points, computed {attributes['created']}",
-        warnings=_warnings(status, lobes["limits_complete"].values),
+        subtitle=f"{points} operating points, computed {attributes['created']}",
+        warnings=warnings,
         findings=_findings(lobes, preload),
         tables=[_best_table(lobes), _limits_table(lobes, preload), _crossover_table(lobes)],
         plots=embed(made),
@@ -114,11 +134,11 @@ def _page(html: Path, opening: str, lobes: xr.Dataset, preload: float, written: 
     )
 
 
-def _warnings(status: np.ndarray, limits_complete: np.ndarray) -> list[str]:
+def _warnings(counts: Counter[str], limits_complete: np.ndarray) -> list[str]:
     told = [
-        f"{count} of {status.size} points have no result: {name.replace('_', ' ')}."
+        f"{counts[name]} of {counts.total()} points have no result: {name.replace('_', ' ')}."
         for name, code in STATUS.items()
-        if code not in WITH_RESULT and (count := int((status == code).sum()))
+        if code not in WITH_RESULT and counts[name]
     ]
     doubtful = int((limits_complete == 0).sum())
     if doubtful:

@@ -3,13 +3,12 @@
 import json
 import time
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from chatter_core.variables import FAILED, STATUS
-from pipeline import store
+from pipeline import store, survey
 from pipeline.places import Place
 from pipeline.study_place import study_place
 
@@ -83,13 +82,10 @@ def progress(place: Place) -> Progress:
     Raises InvalidInput when the store is damaged beyond its chunks.
     """
     group = store.check(place)
-    chunks, tally = store.chunks(group), np.zeros(len(STATUS), dtype=int)
-    for status in place.each(partial(store.readable_status, group), chunks):
-        tally += np.bincount(status.ravel(), minlength=len(STATUS))
     return Progress(
         study=str(group.attrs["study"]),
-        cells={name: int(tally[code]) for name, code in STATUS.items() if tally[code]},
-        chunks=len(chunks),
+        cells=dict(survey.counts(place)),
+        chunks=len(store.chunks(group)),
         written=store.written_at(place),
         now=time.time(),
     )

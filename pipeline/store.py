@@ -9,10 +9,9 @@ import platform
 import subprocess
 import sys
 import warnings
-from collections.abc import Container, Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable
 from datetime import UTC, datetime
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -30,6 +29,7 @@ from chatter_core.tip import AXES
 from chatter_core.units import SUFFIXES
 from chatter_core.variables import CELL_STATUS, STRUCTURE, SWEEP, Variable
 from pipeline import metadata
+from pipeline.chunks import Chunk, Chunks
 from pipeline.places import LOBES, Place
 from pipeline.settings import Settings
 
@@ -38,6 +38,9 @@ CHUNKED = (*SWEEP, "status")
 #: What the functions here take that read.
 Group = zarr.Group
 OUTER = 3  # dimensions before the speed: modal parameters, preload, mode count
+#: Between the indices in the name of a chunk's file. With folders in their place there would be nearly as many of
+#: them as files, each as costly; stores that were made so are read and continued as they are.
+SEPARATOR = "."
 COORDINATES = {
     "modal_parameters": ("", "bearings at the spindle's speed (dynamic) or at standstill (static)"),
     "preload": ("n", "axial preload on every single bearing"),
@@ -48,20 +51,6 @@ COORDINATES = {
     "mode": ("", "number of the mode on its axis, by frequency at standstill"),
     "axis": ("", "direction; x is the feed direction"),
 }
-
-
-@dataclass(frozen=True, kw_only=True, order=True)
-class Chunk:
-    """Place of a chunk: indices of the outer dimensions and the range of speeds."""
-
-    outer: tuple[int, int, int]
-    first: int
-    last: int
-
-    @property
-    def region(self) -> tuple[Any, ...]:
-        """Index of the chunk in a variable; dimensions behind the speed are taken whole."""
-        return (*self.outer, slice(self.first, self.last))
 
 
 def coordinates(settings: Settings) -> dict[str, np.ndarray]:
@@ -91,9 +80,9 @@ def create(place: Place, settings: Settings, argv: list[str]) -> None:
     for name, points in values.items():
         suffix, doc = COORDINATES[name]
         array = _array(group, name, (name,), points.shape, points.shape, points.dtype, _attributes(suffix, doc))
-        _write_whole(array, points)
+        write_whole(array, points)
     for name, variable in STRUCTURE.items():
-        _write_whole(_variable(group, name, variable, values, whole=True), structure[name])
+        write_whole(_variable(group, name, variable, values, whole=True), structure[name])
     depths = len(values["axial_depth"])
     block = max(1, min(len(values["spindle_speed"]), settings.cluster.cells_per_task // depths))
     for name, variable in {**SWEEP, "status": CELL_STATUS}.items():
@@ -118,8 +107,8 @@ def create(place: Place, settings: Settings, argv: list[str]) -> None:
     )
 
 
-def _write_whole(array: zarr.Array[Any], values: np.ndarray) -> None:
-    # Written even where it is empty (a machine without bearings), so that a lost file is noticed.
+def write_whole(array: zarr.Array[Any], values: np.ndarray) -> None:
+    """Write an array in one piece, even where it is empty (a machine without bearings): a lost file is noticed."""
     array.with_config({"write_empty_chunks": True})[...] = values
 
 
@@ -169,6 +158,7 @@ def _array(
         chunks=chunks,
         dtype=dtype,
         fill_value=np.nan if np.dtype(dtype).kind == "f" else ("" if np.dtype(dtype).kind == "T" else 0),
+        chunk_key_encoding={"name": "default", "separator": SEPARATOR},
         # The checksum is taken last, of what lies on the disk: without it a flipped bit is read silently.
         compressors=[ZstdCodec(level=1), Crc32cCodec()],
         dimension_names=dims,
@@ -176,15 +166,11 @@ def _array(
     )
 
 
-def chunks(group: zarr.Group) -> list[Chunk]:
-    """Return every chunk of a store, in the order in which they are computed."""
-    status = array_of(group, "status")
-    speeds, block = status.shape[OUTER], int(str(group.attrs["speeds_per_chunk"]))
-    return [
-        Chunk(outer=(outer[0], outer[1], outer[2]), first=first, last=min(first + block, speeds))
-        for outer in np.ndindex(*status.shape[:OUTER])
-        for first in range(0, speeds, block)
-    ]
+def chunks(group: zarr.Group) -> Chunks:
+    """Return every chunk of a store."""
+    modal_parameters, preloads, mode_counts, speeds, depths = array_of(group, "status").shape
+    block = int(str(group.attrs["speeds_per_chunk"]))
+    return Chunks(outer=(modal_parameters, preloads, mode_counts), speeds=speeds, depths=depths, block=block)
 
 
 def status_of(group: zarr.Group, chunk: Chunk) -> np.ndarray:
@@ -202,7 +188,8 @@ def readable_status(group: zarr.Group, chunk: Chunk) -> np.ndarray:
 
 def written_at(place: Place) -> np.ndarray:
     """Return when each chunk was written that is complete or marked (chunk,), ascending [s since 1970]."""
-    return np.sort(np.array(list(place.written(f"{LOBES}/status/c").values())))
+    found = (when for key, when in place.written(f"{LOBES}/status") if not key.endswith(metadata.DOCUMENT))
+    return np.sort(np.fromiter(found, dtype=float))
 
 
 @lru_cache(maxsize=4)
@@ -213,17 +200,30 @@ def open_group(place: Place) -> zarr.Group:
 
 def write_chunk(place: Place, chunk: Chunk, block: LobeBlock) -> None:
     """Write every variable of a chunk, its status last."""
-    group = open_group(place)
+    arrays = _arrays(place)
 
     def write(name: str) -> None:
-        # Written even where it is empty (a speed without a limit depth), so that a lost file is noticed.
-        array = array_of(group, name).with_config({"write_empty_chunks": True})
-        variable = SWEEP[name]
-        array[chunk.region] = getattr(block, name) / variable.si_factor if variable.suffix else getattr(block, name)
+        variable, values = SWEEP[name], getattr(block, name)
+        arrays[name][chunk.region] = values / variable.si_factor if variable.suffix else values
 
     for _ in place.each(write, SWEEP):
         pass
-    array_of(group, "status")[chunk.region] = block.status
+    arrays["status"][chunk.region] = block.status
+
+
+@lru_cache(maxsize=4)
+def _arrays(place: Place) -> dict[str, zarr.Array[Any]]:
+    """Return what is written chunk by chunk; once a process, since opening thirteen arrays costs as much as a chunk."""
+    group = open_group(place)
+    # Written even where it is empty (a speed without a limit depth), so that a lost file is noticed.
+    arrays = {name: array_of(group, name).with_config({"write_empty_chunks": True}) for name in SWEEP}
+    return {**arrays, "status": array_of(group, "status")}
+
+
+def forget() -> None:
+    """Open stores anew when they are used next: one was exchanged for another."""
+    open_group.cache_clear()
+    _arrays.cache_clear()
 
 
 def mark_chunk(place: Place, chunk: Chunk, code: int) -> None:
@@ -279,8 +279,12 @@ def whole(group: zarr.Group, name: str) -> np.ndarray:
 def lost_wholes(place: Place, names: Iterable[str]) -> list[str]:
     """Return the arrays that are gone of those written in one piece: they would read as if nothing was known."""
     every = list(names)
-    kept = place.each(lambda name: place.written(f"{LOBES}/{name}/c"), every)
-    return [name for name, pieces in zip(every, kept, strict=True) if not pieces]
+    kept = place.each(partial(_holds_values, place), every)
+    return [name for name, held in zip(every, kept, strict=True) if not held]
+
+
+def _holds_values(place: Place, name: str) -> bool:
+    return any(not key.endswith(metadata.DOCUMENT) for key, _ in place.written(f"{LOBES}/{name}"))
 
 
 def array_of(group: zarr.Group, name: str) -> zarr.Array[Any]:
@@ -294,13 +298,8 @@ def key_of(group: zarr.Group, chunk: Chunk, name: str) -> str:
     """Return the key under which a variable of a chunk is kept, that of its shard where the store is packed."""
     array = array_of(group, name)
     first = (*chunk.outer, chunk.first, *(0 for _ in array.shape[OUTER + 1 :]))
-    place = (index // step for index, step in zip(first, array.shards or array.chunks, strict=True))
-    return "/".join([LOBES, name, "c", *map(str, place)])
-
-
-def lost_parts(group: zarr.Group, chunk: Chunk, kept: Container[str]) -> list[str]:
-    """Return the variables of a computed chunk that are gone; kept: the keys of what is there."""
-    return [name for name in SWEEP if key_of(group, chunk, name) not in kept]
+    place = tuple(index // step for index, step in zip(first, array.shards or array.chunks, strict=True))
+    return f"{LOBES}/{name}/{array.metadata.encode_chunk_key(place)}"
 
 
 def unreadable_parts(group: zarr.Group, chunk: Chunk) -> list[str]:
@@ -336,8 +335,8 @@ def create_packed(path: Path, name: str, source: zarr.Array[Any], shard: tuple[i
 
 
 def open_lobes(place: Place) -> xr.Dataset:
-    """Open a store as a dataset, lazily."""
-    lobes: xr.Dataset = xr.open_zarr(place.store(), consolidated=False)
+    """Open a store as a dataset whose values are read when they are asked for, as many chunks at once as that are."""
+    lobes: xr.Dataset = xr.open_zarr(place.store(), consolidated=False, chunks=None)
     return lobes
 
 

@@ -6,17 +6,16 @@ import signal
 import socket
 import sys
 import threading
-from functools import partial
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zarr
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
-from chatter_core.variables import FAILED, STATUS, WITH_RESULT
-from pipeline import metadata, places, report, store
+from chatter_core.variables import STATUS, WITH_RESULT
+from pipeline import metadata, places, report, store, survey
 from pipeline.cluster import open_client, pages
 from pipeline.configuration import (
     EFFECTS,
@@ -94,9 +93,9 @@ def carry_on(
     journal = Journal(place.make_output())
     try:
         journal.write("start", argv=argv or [], pid=os.getpid(), host=socket.gethostname())
-        _compute(settings, place, still_held, journal, retry_failed, kernel)
+        counts = _compute(settings, place, still_held, journal, retry_failed, kernel)
         still_held()
-        counts, written = _finish(place, journal)
+        written = _finish(place, journal, counts)
     except Stopped as stop:
         journal.write("stopped", signal=str(stop))
         again = f"python -m pipeline sweep {' '.join(argv)}" if argv else "the same command"
@@ -133,30 +132,40 @@ def _prepare(settings: Settings, place: Place, argv: list[str]) -> None:
 
 def _compute(
     settings: Settings, place: Place, still_held: StillHeld, journal: Journal, retry_failed: bool, kernel: str
-) -> None:
+) -> Counter[str]:
+    """Compute the chunks that are missing; return how many cells of the store have which status then."""
     group = store.open_group(place)
     every = store.chunks(group)
-    pending = _pending(place, group, every, retry_failed)
-    cells = {chunk: (chunk.last - chunk.first) * _depths(group) for chunk in every}
-    total, done = sum(cells.values()), sum(cells.values()) - sum(cells[chunk] for chunk in pending)
-    if not pending:
-        return
-    begun = f"{store.now()} {len(pending)} of {len(every)} chunks to compute"
+    missing, of_others = survey.pending(place, retry_failed)
+    counts = Counter({name: int(of_others[code]) for name, code in STATUS.items()})
+    numbers = np.flatnonzero(missing)
+    if not len(numbers):
+        return counts
+    begun = f"{store.now()} {len(numbers)} of {len(every)} chunks to compute"
     metadata.update(place, history=[*metadata.attributes(place)["history"], begun])
     # Many writers of one shard would lose each other's chunks.
     cluster = Cluster(kind="serial") if store.is_packed(group) else settings.cluster
     where, own, limit = place.anywhere(), settings.effects_path, cluster.time_limit
-    tasks = [Task(place=where, chunk=chunk, kernel=kernel, effects_path=own, time_limit=limit) for chunk in pending]
+    # Made when they are handed out: a list of all would be the largest thing in this process.
+    tasks = (
+        Task(place=where, chunk=every[int(number)], kernel=kernel, effects_path=own, time_limit=limit)
+        for number in numbers
+    )
     if cluster.kind != "address":
-        _compile_once(tasks[0])
+        _compile_once(Task(place=where, chunk=every[int(numbers[0])], kernel=kernel, effects_path=own))
+    total = every.all_cells
     with signals() as stopping:
         try:
-            with open_client(cluster, lambda: bool(stopping.number)) as client, Meter(total, done) as meter:
+            with (
+                open_client(cluster, lambda: bool(stopping.number)) as client,
+                Meter(total, counts.total()) as meter,
+            ):
                 _note_pages(journal, cluster, pages(client))
                 for record in dispatched(tasks, client, stopping, cluster.patience):
                     still_held()
                     _note(journal, record)
-                    meter.advance(cells[record.chunk])
+                    counts.update(record.counts)
+                    meter.advance(every.cells(record.chunk))
         except (RuntimeError, OSError) as error:
             # A signal that went to the whole process group may have taken the workers along.
             if not stopping.number and isinstance(error, RuntimeError):
@@ -165,6 +174,7 @@ def _compute(
                 raise
         if stopping.number:
             raise Stopped(stopping.number)
+    return counts
 
 
 def _compile_once(task: Task) -> None:
@@ -203,36 +213,15 @@ def _note(journal: Journal, record: Record) -> None:
     )
 
 
-def _pending(place: Place, group: zarr.Group, every: list[store.Chunk], retry_failed: bool) -> list[store.Chunk]:
-    """Return the chunks that are to be computed; what a store holds of them counts no more then."""
-    kept, pending = place.written(LOBES), list[store.Chunk]()
-    for chunk, status in zip(every, place.each(partial(store.readable_status, group), every), strict=True):
-        if (status == STATUS["pending"]).any():
-            pending.append(chunk)
-            continue
-        failed = retry_failed and bool(np.isin(status, FAILED).any())
-        if failed or (np.isin(status, WITH_RESULT).any() and store.lost_parts(group, chunk, kept)):
-            store.mark_chunk(place, chunk, STATUS["pending"])
-            pending.append(chunk)
-    return pending
-
-
-def _depths(group: zarr.Group) -> int:
-    status = group["status"]
-    assert isinstance(status, zarr.Array)
-    return int(status.shape[-1])
-
-
-def _mark_damaged(place: Place, group: zarr.Group) -> None:
+def _mark_damaged(place: Place) -> None:
     """Mark chunks that cannot be read as pending; raise InvalidInput naming them when there are any."""
-    every = store.chunks(group)
-    parts_of = zip(every, place.each(partial(store.unreadable_parts, group), every), strict=True)
-    damaged = [(chunk, parts) for chunk, parts in parts_of if parts]
-    for chunk, _ in damaged:
+    damaged = {chunk: parts for _, found in survey.damaged(place) for chunk, parts in found.items()}
+    for chunk in damaged:
         store.mark_chunk(place, chunk, STATUS["pending"])
     if damaged:
         metadata.update(place, complete=False)
-        where = ", ".join(f"{parts[0]} of speeds {chunk.first} to {chunk.last - 1}" for chunk, parts in damaged[:4])
+        named = list(damaged.items())[:4]
+        where = ", ".join(f"{parts[0]} of speeds {chunk.first} to {chunk.last - 1}" for chunk, parts in named)
         raise InvalidInput(
             [
                 f"{place.where(LOBES)}: {len(damaged)} chunks are damaged ({where}) and count as pending now; "
@@ -241,37 +230,28 @@ def _mark_damaged(place: Place, group: zarr.Group) -> None:
         )
 
 
-def _finish(place: Place, journal: Journal) -> tuple[dict[str, int], list[Path]]:
-    """Write the report; return how many cells have which status, and what was written."""
-    group = store.open_group(place)
-    tally = sum(
-        (
-            np.bincount(status.ravel(), minlength=len(STATUS))
-            for status in place.each(partial(store.status_of, group), store.chunks(group))
-        ),
-        start=np.zeros(len(STATUS), dtype=int),
-    )
-    counts = {name: int(tally[code]) for name, code in STATUS.items() if tally[code]}
-    metadata.update(place, complete="pending" not in counts)
+def _finish(place: Place, journal: Journal, counts: Counter[str]) -> list[Path]:
+    """Write the report of a store whose cells have these statuses; return what was written."""
+    metadata.update(place, complete=not counts["pending"])
     try:
         written = report.write(place)
     except InvalidInput:
-        _mark_damaged(place, group)
+        _mark_damaged(place)
         raise
-    journal.write("end", counts=counts)
-    return counts, written
+    journal.write("end", counts={name: counts[name] for name in STATUS if counts[name]})
+    return written
 
 
-def _tell(place: Place, counts: dict[str, int], written: list[Path], journal: Journal) -> int:
+def _tell(place: Place, counts: Counter[str], written: list[Path], journal: Journal) -> int:
     """Say what there is; return the exit code."""
     print(f"store:   {place.where(LOBES)}")
     for file in written:
         print(f"written: {file}")
-    failed = {name: count for name, count in counts.items() if STATUS[name] not in WITH_RESULT}
+    failed = {name: count for name, count in counts.items() if count and STATUS[name] not in WITH_RESULT}
     if failed:
         told = ", ".join(f"{count} {name}" for name, count in failed.items())
         print(
-            f"{sum(failed.values())} of {sum(counts.values())} cells failed and are marked ({told}); "
+            f"{sum(failed.values())} of {counts.total()} cells failed and are marked ({told}); "
             f"see {journal.path}; compute them again with retry_failed=true",
             file=sys.stderr,
         )

@@ -18,9 +18,9 @@ from chatter_core.machine import Machine
 from chatter_core.units import SUFFIXES
 from chatter_core.variables import STATUS, SWEEP
 from pipeline import store
+from pipeline.chunks import Chunk
 from pipeline.places import Place
 from pipeline.settings import model_with
-from pipeline.store import Chunk
 from pipeline.time_limit import limited
 
 Kernel = Callable[..., LobeBlock]

@@ -1,22 +1,20 @@
 """Every byte of a store read back: what is damaged is named, and with ``repair=true`` made anew."""
 
 import sys
-from collections.abc import Container
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
 import yaml
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
-from chatter_core.variables import STATUS, STRUCTURE, WITH_RESULT
-from pipeline import metadata, store, sweep
+from chatter_core.variables import STATUS, STRUCTURE
+from pipeline import journal, metadata, store, survey, sweep
+from pipeline.chunks import Chunk
 from pipeline.configuration import EFFECTS_PATH
 from pipeline.errors import StoreUnavailable
-from pipeline.places import LOBES, RECORD, Folder, Place, StillHeld, as_long_as_it_takes
+from pipeline.places import RECORD, Folder, Place, StillHeld, as_long_as_it_takes
 from pipeline.progress import Meter
 from pipeline.settings import Cluster, Settings, recorded
 from pipeline.study_place import study_place
@@ -30,28 +28,34 @@ class Damage:
     """What does not read back as it was written.
 
     documents: place in the store, and what is wrong; fixed: arrays of coordinates and structure; chunks: with the
-    variables of each; settings: whether the readable record beside the store differs from it.
+    variables of each; beside: files beside the store, and what is wrong; torn: lines of the journal, which nothing
+    restores and which are left.
     """
 
     documents: dict[str, str]
     fixed: list[str]
-    chunks: dict[store.Chunk, list[str]]
-    settings: bool
+    chunks: dict[Chunk, list[str]]
+    beside: dict[str, str]
+    torn: int
+
+    @property
+    def mendable(self) -> bool:
+        """Whether there is something to be made anew."""
+        return bool(self.documents or self.fixed or self.chunks or self.beside)
 
     def __bool__(self) -> bool:
-        return bool(self.documents or self.fixed or self.chunks or self.settings)
+        return self.mendable or bool(self.torn)
 
     def sentences(self) -> list[str]:
         """Return what is wrong in words, place by place."""
         return [
-            *(f"{place}: {why}" for place, why in self.documents.items()),
+            *(f"{place}: {why}" for place, why in {**self.documents, **self.beside}.items()),
             *(f"{name}: cannot be read" for name in self.fixed),
             *(
                 f"{name}: indices {', '.join(map(str, chunk.outer))}, speeds {chunk.first} to {chunk.last - 1}"
                 for chunk, names in self.chunks.items()
                 for name in names
             ),
-            *(["settings.yaml: is not what the store says"] if self.settings else []),
         ]
 
 
@@ -61,8 +65,10 @@ def run(words: list[str]) -> int:
     own = Path(options[EFFECTS_PATH]).resolve() if options[EFFECTS_PATH] else None
     with place.held() as still_held:
         found = damage(place)
-        if not found:
-            print(f"{place}: every byte reads back as it was written")
+        if found.torn:
+            print(f"{journal.FILE}: {found.torn} lines are not as they were written; they stay, no result is in them")
+        if not found.mendable:
+            print(f"{place}: every byte {'of the store ' if found.torn else ''}reads back as it was written")
             return 0
         told = found.sentences()
         for sentence in told[:NAMED]:
@@ -78,18 +84,20 @@ def run(words: list[str]) -> int:
 
 def damage(place: Place) -> Damage:
     """Return what is damaged in the store of a study."""
-    documents = metadata.problems(place)
+    documents, torn = metadata.problems(place), journal.torn_lines(place.make_output() / journal.FILE)
     if documents:
         # Nothing can be read by documents that are wrong.
-        return Damage(documents=documents, fixed=[], chunks={}, settings=False)
+        return Damage(documents=documents, fixed=[], chunks={}, beside={}, torn=torn)
     group = store.open_group(place)
     wholes = (*store.COORDINATES, *STRUCTURE)
     lost = store.lost_wholes(place, wholes)
     fixed = [name for name in wholes if name in lost or not _reads(group, name)]
-    every = store.chunks(group)
-    with Meter(len(every), 0, "chunks") as meter:
-        chunks = _damaged_chunks(place, group, meter)
-    return Damage(documents={}, fixed=fixed, chunks=chunks, settings=_record_differs(place))
+    chunks = dict[Chunk, list[str]]()
+    with Meter(len(store.chunks(group)), 0, "chunks") as meter:
+        for count, parts in survey.damaged(place):
+            chunks |= parts
+            meter.advance(count)
+    return Damage(documents={}, fixed=fixed, chunks=chunks, beside=_wrong_beside(place), torn=torn)
 
 
 def repair(
@@ -117,20 +125,10 @@ def repair(
         settings = recorded(Settings, metadata.attributes(place), own, cluster or Cluster(kind="local"))
         _restore_fixed(place, found.fixed, settings)
         place.write(RECORD, settings.record().encode())
+        metadata.refresh_copy(place)
         for chunk in found.chunks:
             store.mark_chunk(place, chunk, STATUS["pending"])
         return sweep.carry_on(settings, place, still_held, argv=argv)
-
-
-def _damaged_chunks(place: Place, group: store.Group, meter: Meter | None = None) -> dict[store.Chunk, list[str]]:
-    """Return the chunks of which variables cannot be read back, or are gone although there is a result."""
-    every, kept, found = store.chunks(group), place.written(LOBES), dict[store.Chunk, list[str]]()
-    for chunk, parts in zip(every, place.each(partial(_unreadable, group, kept), every), strict=True):
-        if parts:
-            found[chunk] = parts
-        if meter:
-            meter.advance(1)
-    return found
 
 
 def _remove_unreadable_shards(place: Place, found: Damage) -> None:
@@ -143,7 +141,8 @@ def _remove_unreadable_shards(place: Place, found: Damage) -> None:
         return
     for key in {store.key_of(group, chunk, name) for chunk, names in found.chunks.items() for name in names}:
         place.delete(key)
-    found.chunks.update(_damaged_chunks(place, group))
+    for _, parts in survey.damaged(place):
+        found.chunks.update(parts)
 
 
 def _reads(group: store.Group, name: str) -> bool:
@@ -154,11 +153,10 @@ def _reads(group: store.Group, name: str) -> bool:
     return True
 
 
-def _unreadable(group: store.Group, kept: Container[str], chunk: store.Chunk) -> list[str]:
-    """Return the variables of a chunk that cannot be read back, or are gone although there is a result."""
-    parts = store.unreadable_parts(group, chunk)
-    has_result = "status" not in parts and bool(np.isin(store.status_of(group, chunk), WITH_RESULT).any())
-    return [*parts, *(store.lost_parts(group, chunk, kept) if has_result else [])]
+def _wrong_beside(place: Place) -> dict[str, str]:
+    """Return which files beside a store are wrong that it restores, and in which way."""
+    found = {RECORD: "is not what the store says"} if _record_differs(place) else {}
+    return found if metadata.copy_is_whole(place) else {**found, metadata.COPY: "does not bear its checksum"}
 
 
 def _record_differs(place: Place) -> bool:
@@ -179,6 +177,6 @@ def _restore_fixed(place: Place, names: list[str], settings: Settings) -> None:
     with TemporaryDirectory(prefix="chatter-") as scratch:
         fresh = Folder(Path(scratch))
         store.create(fresh, settings, [])
+        made, group = store.open_group(fresh), store.open_group(place)
         for name in names:
-            for key in fresh.written(f"{LOBES}/{name}/c"):
-                place.write(key, fresh.read(key))
+            store.write_whole(store.array_of(group, name), store.whole(made, name))

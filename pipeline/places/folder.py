@@ -70,9 +70,9 @@ class Folder(Place):
         """Return what is in the folder."""
         return {entry.name for entry in self.output.iterdir()} if self.output.is_dir() else set()
 
-    def written(self, folder: str) -> dict[str, float]:
-        """Return when every file in a folder was written [s since 1970]."""
-        return {key: when for key, when in self._files(folder) if not key.endswith(PARTIAL)}
+    def written(self, folder: str) -> Iterator[tuple[str, float]]:
+        """Yield every file in a folder, and when it was written [s since 1970]."""
+        return ((key, when) for key, when in self._files(folder) if not key.endswith(PARTIAL))
 
     def read(self, key: str) -> bytes:
         """Return the content of a file."""
@@ -107,9 +107,8 @@ class Folder(Place):
         """Bring back the store where packing was killed at its last step, and remove what is half-written."""
         if not (self.output / LOBES).exists() and (self.output / UNPACKED).exists():
             (self.output / UNPACKED).rename(self.output / LOBES)
-        for key, _ in list(self._files(LOBES)):
-            if key.endswith(PARTIAL):
-                self.delete(key)
+        for key in [key for key, _ in self._files(LOBES) if key.endswith(PARTIAL)]:
+            self.delete(key)
 
     def _files(self, folder: str) -> Iterator[tuple[str, float]]:
         """Yield key and time of every file in a folder, and in those in it."""

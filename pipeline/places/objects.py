@@ -74,11 +74,11 @@ class Objects(Place):
             found = obstore.list_with_delimiter(self.objects)
         return {*found["common_prefixes"], *(entry["path"] for entry in found["objects"])}
 
-    def written(self, folder: str) -> dict[str, float]:
-        """Return when every object was written whose key begins so, by the clock of the object store."""
+    def written(self, folder: str) -> Iterator[tuple[str, float]]:
+        """Yield every object whose key begins so, and when it was written, by the clock of the object store."""
         with clear_words(self.address):
-            batches = list(obstore.list(self.objects, prefix=folder))
-        return {entry["path"]: entry["last_modified"].timestamp() for batch in batches for entry in batch}
+            for batch in obstore.list(self.objects, prefix=folder):
+                yield from ((entry["path"], entry["last_modified"].timestamp()) for entry in batch)
 
     def read(self, key: str) -> bytes:
         """Return the content of an object."""

@@ -73,8 +73,8 @@ class Place(ABC):
         """Return the first parts of all keys."""
 
     @abstractmethod
-    def written(self, folder: str) -> dict[str, float]:
-        """Return when everything was written whose key begins with these parts [s since 1970]."""
+    def written(self, folder: str) -> Iterator[tuple[str, float]]:
+        """Yield everything whose key begins with these parts, and when it was written [s since 1970]."""
 
     @abstractmethod
     def read(self, key: str) -> bytes:

@@ -9,6 +9,7 @@ import xarray as xr
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS
 from pipeline import store
+from pipeline.chunks import Chunk
 from pipeline.places import Folder
 from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED
 from tests.pipeline.studies import CELLS, CHUNKS, journal, lobes, sweep
@@ -31,7 +32,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
 def test_a_store_keeps_its_chunks_when_continued_with_another_task_size(tmp_path: Path) -> None:
     output = tmp_path / "study"
     assert sweep(output) == 0
-    store.mark_chunk(Folder(output), store.Chunk(outer=(0, 1, 0), first=2, last=4), 0)
+    store.mark_chunk(Folder(output), Chunk(outer=(0, 1, 0), first=2, last=4), 0)
     assert sweep(output, "cluster.cells_per_task=1000") == 0
     assert [event["speeds"] for event in journal(output, "chunk")][CHUNKS:] == [[2, 4]]
 
@@ -39,7 +40,7 @@ def test_a_store_keeps_its_chunks_when_continued_with_another_task_size(tmp_path
 def test_a_damaged_chunk_is_computed_again(tmp_path: Path, reference: xr.Dataset) -> None:
     output = tmp_path / "study"
     assert sweep(output) == 0
-    (output / "lobes.zarr/status/c/0/1/0/1/0").write_bytes(b"cut short by a power failure")
+    (output / "lobes.zarr/status/c.0.1.0.1.0").write_bytes(b"cut short by a power failure")
     assert sweep(output) == 0
     assert len(journal(output, "chunk")) == CHUNKS + 1
     xr.testing.assert_identical(lobes(output).drop_attrs(), reference.drop_attrs())

@@ -12,6 +12,7 @@ import xarray as xr
 
 from chatter_core.variables import STATUS
 from pipeline import cluster, store
+from pipeline.chunks import Chunk
 from pipeline.cluster import Workers, open_client
 from pipeline.errors import WorkersLost
 from pipeline.settings import Cluster
@@ -19,7 +20,7 @@ from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED, GATE
 from tests.pipeline.studies import CHUNKS, PATIENCE, journal, lobes, sweep, sweep_process, wait_until
 
 
-def finished_chunks(output: Path) -> list[store.Chunk]:
+def finished_chunks(output: Path) -> list[Chunk]:
     group = store.zarr.open_group(output / "lobes.zarr", mode="r")
     return [chunk for chunk in store.chunks(group) if store.status_of(group, chunk).all()]
 

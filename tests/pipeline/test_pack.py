@@ -8,6 +8,7 @@ import xarray as xr
 from chatter_core.errors import InvalidInput
 from pipeline import report, store, sweep, verify
 from pipeline.__main__ import main
+from pipeline.chunks import Chunk
 from pipeline.pack import SHARD_BYTES, pack, shard_shape
 from pipeline.places import Folder
 from pipeline.places.folder import PACKING, UNPACKED
@@ -68,7 +69,7 @@ def test_a_flipped_bit_in_a_shard_is_found_and_repaired(output: Path, name: str,
 
 
 def test_an_unfinished_store_is_not_packed(output: Path) -> None:
-    store.mark_chunk(Folder(output), store.Chunk(outer=(0, 1, 0), first=2, last=4), 0)
+    store.mark_chunk(Folder(output), Chunk(outer=(0, 1, 0), first=2, last=4), 0)
     with pytest.raises(InvalidInput, match="1 chunks are not computed yet"):
         pack(Folder(output))
 

@@ -146,7 +146,7 @@ def test_a_study_with_failed_points_has_its_report_and_says_so(tmp_path):
 
 def test_a_flipped_bit_is_seen_on_reading(without_report, tmp_path):
     sweep(tmp_path)
-    file = tmp_path / "lobes.zarr" / "spectral_radius" / "c" / "0" / "0" / "0" / "0" / "0"
+    file = tmp_path / "lobes.zarr" / "spectral_radius" / "c.0.0.0.0.0"
     data = bytearray(file.read_bytes())
     data[len(data) // 2] ^= 0x10
     file.write_bytes(bytes(data))

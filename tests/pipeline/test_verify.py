@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from chatter_core.errors import InvalidInput
-from pipeline import metadata, report, sweep, verify
+from pipeline import metadata, report, store, sweep, verify
 from pipeline.__main__ import main
 from pipeline.places import Folder
 from pipeline.settings import Cluster
@@ -54,8 +54,8 @@ def flip(file: Path, bit: int) -> None:
 
 def files_of(output: Path) -> list[Path]:
     """All files of the store, and what stands beside it to restore it."""
-    store = sorted(file for file in (output / "lobes.zarr").rglob("*") if file.is_file())
-    return [*store, output / "settings.yaml"]
+    kept = sorted(file for file in (output / "lobes.zarr").rglob("*") if file.is_file())
+    return [*kept, *(output / name for name in ("settings.yaml", "metadata.json", "journal.jsonl"))]
 
 
 def test_a_store_as_it_was_written_has_no_damage(output: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -82,26 +82,26 @@ def test_what_many_flips_at_once_have_damaged_is_made_as_it_was(output: Path, ma
         flip(files[which], int(random.integers(8 * files[which].stat().st_size)))
     assert verify.damage(Folder(output))
     assert repaired(output) == 0
-    assert not verify.damage(Folder(output))
+    assert not verify.damage(Folder(output)).mendable
     xr.testing.assert_identical(lobes(output).drop_attrs(), lobes(made).drop_attrs())
 
 
 def test_only_what_is_damaged_is_computed_again(output: Path) -> None:
-    flip(output / "lobes.zarr/spectral_radius/c/0/1/0/1/0", 33)
-    (output / "lobes.zarr/limit_depth/c/0/0/1/2/0").unlink()
+    flip(output / "lobes.zarr/spectral_radius/c.0.1.0.1.0", 33)
+    (output / "lobes.zarr/limit_depth/c.0.0.1.2.0").unlink()
     assert repaired(output) == 0
     again = [(event["outer"], event["speeds"]) for event in journal(output, "chunk")][CHUNKS:]
     assert again == [([0, 0, 1], [4, 6]), ([0, 1, 0], [2, 4])]
 
 
-@pytest.mark.parametrize("place", ["zarr.json", "status/zarr.json", "preload/c/0", "natural_frequency/c/0/0/0/0/0"])
+@pytest.mark.parametrize("place", ["zarr.json", "status/zarr.json", "preload/c.0", "natural_frequency/c.0.0.0.0.0"])
 def test_documents_and_coordinates_are_restored(output: Path, made: Path, place: str) -> None:
     (output / "lobes.zarr" / place).write_bytes(b"nothing that was ever written")
     assert repaired(output) == 0
     assert (output / "lobes.zarr" / place).read_bytes() == (made / "lobes.zarr" / place).read_bytes()
 
 
-@pytest.mark.parametrize("place", ["preload/c/0", "natural_frequency/c/0/0/0/0/0"])
+@pytest.mark.parametrize("place", ["preload/c.0", "natural_frequency/c.0.0.0.0.0"])
 def test_coordinates_that_are_gone_are_noticed_and_restored(output: Path, made: Path, place: str) -> None:
     (output / "lobes.zarr" / place).unlink()
     assert verify.damage(Folder(output)).fixed == [place.partition("/")[0]]
@@ -110,7 +110,7 @@ def test_coordinates_that_are_gone_are_noticed_and_restored(output: Path, made: 
 
 
 def test_a_coordinate_that_is_gone_stops_a_sweep(output: Path) -> None:
-    (output / "lobes.zarr/preload/c/0").unlink()
+    (output / "lobes.zarr/preload/c.0").unlink()
     with pytest.raises(InvalidInput, match=r"preload is missing; restored by: python -m pipeline verify output="):
         sweep.execute(study(), Folder(output))
 
@@ -131,10 +131,51 @@ def test_a_store_whose_root_and_its_copy_are_damaged_is_given_up_in_words(output
         repaired(output)
 
 
+@pytest.mark.parametrize("content", [b"{}", None])
+def test_the_copy_of_the_root_is_restored(output: Path, content: bytes | None) -> None:
+    copy = output / metadata.COPY
+    copy.unlink() if content is None else copy.write_bytes(content)
+    assert list(verify.damage(Folder(output)).beside) == [metadata.COPY]
+    assert repaired(output) == 0
+    assert copy.read_bytes() == (output / "lobes.zarr" / metadata.DOCUMENT).read_bytes()
+    assert len(journal(output, "chunk")) == CHUNKS
+
+
+def test_torn_lines_of_the_journal_are_told_and_left(output: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = output / "journal.jsonl"
+    torn = file.read_bytes()[:-9]
+    file.write_bytes(torn)
+    assert main(["verify", f"output={output}"]) == 0
+    told = capsys.readouterr().out
+    assert "journal.jsonl: 1 lines are not as they were written; they stay, no result is in them" in told
+    assert "every byte of the store reads back as it was written" in told
+    # What is written next stands in a line of its own.
+    assert sweep_study(output) == 0
+    assert file.read_bytes().startswith(torn + b"\n")
+    assert verify.damage(Folder(output)).torn == 1
+
+
+def test_a_store_of_folders_is_continued_and_repaired_as_it_is(
+    tmp_path: Path, made: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Earlier versions made a folder of each index of a chunk."""
+    output = tmp_path / "study"
+    with monkeypatch.context() as earlier:
+        earlier.setattr(store, "SEPARATOR", "/")
+        assert sweep_study(output) == 0
+    flip(output / "lobes.zarr/status/c/0/1/0/1/0", 33)
+    (output / "lobes.zarr/limit_depth/c/0/0/1/2/0").unlink()
+    flip(output / "lobes.zarr/preload/c/0", 33)
+    assert repaired(output) == 0
+    assert not verify.damage(Folder(output))
+    assert not list(output.rglob("c.*"))
+    xr.testing.assert_identical(lobes(output).drop_attrs(), lobes(made).drop_attrs())
+
+
 def test_damage_is_told_by_place_with_the_command_that_repairs_it(
     output: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    flip(output / "lobes.zarr/spectral_radius/c/0/1/0/1/0", 33)
+    flip(output / "lobes.zarr/spectral_radius/c.0.1.0.1.0", 33)
     assert main(["verify", f"output={output}"]) == 1
     told = capsys.readouterr()
     assert "damaged: spectral_radius: indices 0, 1, 0, speeds 2 to 3" in told.out

@@ -1,8 +1,25 @@
 """Files as nobody means them: mutations of good ones, and pieces that readers are known to stumble over."""
 
+import os
+import tracemalloc
 from collections.abc import Callable
 
+from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
+
+from chatter_core.errors import ChatterError, InvalidInput
+
+#: How many mutated files are tried of each kind; more by the environment, as ``make fuzz`` does.
+EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "150"))
+#: What reading may take for each byte of a file, beside what it takes anyway: text and numbers of a table several times
+#: over [bytes].
+MEMORY, MEMORY_A_BYTE = 32e6, 400.0
+every_example = settings(
+    max_examples=EXAMPLES,
+    derandomize=True,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
 
 #: Pieces put into a file: numbers that are none or too large, marks of tables and of yaml, what would run code, paths
 #: out of the folder, bytes of other encodings.
@@ -14,6 +31,27 @@ PIECES = [
 ]  # fmt: skip
 
 Mutation = Callable[[bytes], bytes]
+
+
+def problems_of(read: Callable[[], object]) -> list[str]:
+    """Return what a reader has to say against what it is given, nothing where it reads it."""
+    try:
+        read()
+    except InvalidInput as error:
+        return list(error.problems)
+    except ChatterError as error:
+        return [str(error)]
+    return []
+
+
+def assert_read_or_told(read: Callable[[], object], size: int, memory: float = MEMORY) -> None:
+    """Let a reader read so many bytes: what it says is in sentences, and it takes so much memory beyond theirs."""
+    tracemalloc.start()
+    problems = problems_of(read)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert all(problem.strip() and "Traceback" not in problem for problem in problems)
+    assert most < memory + MEMORY_A_BYTE * size
 
 
 def _spliced(piece: bytes, place: float, length: int) -> Mutation:

@@ -1,26 +1,27 @@
 """Whatever stands in a file: it is read, or told in sentences; nothing else happens, and nothing else is taken."""
 
-import os
 import tracemalloc
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chatter_core.errors import ChatterError, InvalidInput
 from chatter_core.evidence import read_campaign
 from pipeline.__main__ import main
-from tests.property.hostile import Mutation, mutations
+from tests.property.hostile import (
+    EXAMPLES,
+    MEMORY,
+    Mutation,
+    assert_read_or_told,
+    every_example,
+    mutations,
+    problems_of,
+)
 
 CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
-#: How many mutated files are tried of each kind; more by the environment, as ``make fuzz`` does.
-EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "150"))
 #: Of a table of responses so many lines are enough to be read by.
 LINES = 60
-#: What reading may take for each byte of a file, beside what it takes anyway: text and numbers of a table several times
-#: over [bytes].
-MEMORY, MEMORY_A_BYTE = 32e6, 400.0
 #: Every file of a kind that a campaign may hold, by its name.
 TABLES = {
     "frf.csv": b"spindle_speed_rpm,frequency_hz,output_axis,input_axis,real_um_n,imag_um_n\n"
@@ -32,12 +33,6 @@ TABLES = {
     "stability.csv": b"trial,spindle_speed_rpm,axial_depth_mm,outcome,chatter_frequency_hz,preload_n,direction\n"
     b"1,6000,0.5,stable,,100,down\n2,7000,1.5,chatter,1180.5,,up\n3,8000,1.0,marginal,,,\n",
 }
-every_example = settings(
-    max_examples=EXAMPLES,
-    derandomize=True,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
-)
 
 
 def good_files() -> dict[str, bytes]:
@@ -51,17 +46,6 @@ def campaign(folder: Path, name: str, changes: list[Mutation]) -> Path:
             content = change(content)
         (folder / own).write_bytes(content)
     return folder
-
-
-def problems_of(folder: Path) -> list[str]:
-    """Return what a reader has to say against a campaign, nothing where it reads it."""
-    try:
-        read_campaign(folder)
-    except InvalidInput as error:
-        return list(error.problems)
-    except ChatterError as error:
-        return [str(error)]
-    return []
 
 
 def test_the_files_that_are_mutated_are_good(tmp_path):
@@ -79,12 +63,7 @@ def test_a_mutated_file_is_read_or_told_in_sentences(tmp_path, name):
     @given(mutations())
     def tried(changes):
         folder = campaign(tmp_path, name, changes)
-        tracemalloc.start()
-        problems = problems_of(folder)
-        _, most = tracemalloc.get_traced_memory()
-        tracemalloc.stop()
-        assert all(problem.strip() and "Traceback" not in problem for problem in problems)
-        assert most < MEMORY + MEMORY_A_BYTE * (folder / name).stat().st_size
+        assert_read_or_told(lambda: read_campaign(folder), (folder / name).stat().st_size)
 
     tried()
 
@@ -93,7 +72,7 @@ def test_a_mutated_file_is_read_or_told_in_sentences(tmp_path, name):
 @given(name=st.sampled_from(["machine.yaml", *TABLES]), changes=mutations())
 def test_the_command_line_tells_each_problem_on_one_line_and_ends_with_two(tmp_path, capsys, name, changes):
     folder = campaign(tmp_path, name, changes)
-    if problems_of(folder):
+    if problems_of(lambda: read_campaign(folder)):
         code, told = main(["compare", f"campaign={folder}", f"output={tmp_path / 'out'}"]), capsys.readouterr()
         assert code == 2
         assert told.out == ""
