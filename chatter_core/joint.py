@@ -10,6 +10,9 @@ Array = NDArray[np.float64]
 
 #: A joint counts as closed where it is so many times stiffer than stated: more would be lost in rounding.
 STIFFEST = 1e3
+#: Compliances below these count as closed [m/N, rad/(N m)]: they move frequencies by a ten-thousandth or less, and as
+#: much is lost in rounding where a joint is stiffer than all the rest by so many digits.
+CLOSED = (1e-13, 5e-10)
 
 
 @dataclass(frozen=True, kw_only=True)

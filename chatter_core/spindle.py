@@ -20,7 +20,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from chatter_core.errors import InvalidInput
-from chatter_core.joint import Joint, OpenFreedom
+from chatter_core.joint import CLOSED, Joint, OpenFreedom
 from chatter_core.machine import Damping, Section, Spindle
 
 Array = NDArray[np.float64]
@@ -214,7 +214,7 @@ def _open_joints(
         own = [joint for joint in joints if _node_at(nodes, joint.position) == node]
         for way in range(2):
             compliances = [(joint.lateral_compliance, joint.rotational_compliance)[way] for joint in own]
-            parts = tuple((c, joint.loosening) for c, joint in zip(compliances, own, strict=True) if c > 0.0)
+            parts = tuple((c, joint.loosening) for c, joint in zip(compliances, own, strict=True) if c > CLOSED[way])
             if parts:
                 behind[node, way] = front.size + len(opened)
                 opened.append(OpenFreedom(front=int(front[node, way]), behind=int(behind[node, way]), parts=parts))

@@ -4,12 +4,17 @@ Stores, tables and figures take names, units and descriptions from here. Values 
 of the border (``unit``); ``si_factor`` leads back to SI.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from chatter_core.units import SUFFIXES
 
 #: The only dimensions that a result may have.
-DIMENSIONS = ("modal_parameters", "preload", "mode_count", "spindle_speed", "axial_depth", "crossing", "mode", "axis")
+DIMENSIONS = (
+    *("modal_parameters", "preload", "mode_count", "spindle_speed", "axial_depth", "crossing", "mode", "axis"),
+    *("machine", "cut", "machine_key", "cut_key"),
+)
 
 #: Outcome of one grid cell. A cell that was never computed is 0: a store is complete when none is left.
 #: An interpolated cell lies between depths that were computed.
@@ -51,6 +56,10 @@ class Variable:
     def si_factor(self) -> float:
         """What a stored value is multiplied by to become SI."""
         return SUFFIXES[self.suffix][0] if self.suffix else 1.0
+
+    def without_result(self, shape: tuple[int, ...]) -> np.ndarray:
+        """Return an array of it that holds nothing: NaN, and the code 0."""
+        return np.full(shape, np.nan if self.dtype.startswith("f") else 0, dtype=self.dtype)
 
 
 _LINE = ("modal_parameters", "preload", "mode_count", "spindle_speed")
@@ -113,3 +122,44 @@ STRUCTURE: dict[str, Variable] = {
         doc="least modal assurance on the way from standstill (1: surely the same)",
     ),
 }
+
+
+def _of_machines(variable: Variable) -> Variable:
+    """Return a variable of the structure as every machine of a data set has it."""
+    return replace(variable, dims=("machine", *variable.dims[2:]), dtype="f4")
+
+
+def _of_cuts(variable: Variable, doc: str) -> Variable:
+    """Return a variable of the limit depths as every cut of a data set has it, of the first crossing alone."""
+    dtype = variable.dtype.replace("f8", "f4")
+    return replace(variable, dims=("machine", "cut", "spindle_speed"), dtype=dtype, doc=doc)
+
+
+#: What a data set holds of every machine and of every cut, written chunk by chunk.
+DATASET: dict[str, Variable] = {
+    **{name: _of_machines(variable) for name, variable in STRUCTURE.items()},
+    "limit_depth": _of_cuts(
+        SWEEP["limit_depth"], "depth at which stability is lost first; NaN where it is not, down to the deepest"
+    ),
+    "limit_chatter_frequency": _of_cuts(SWEEP["limit_chatter_frequency"], "chatter frequency at the limit depth"),
+    "limit_dominant_mode": _of_cuts(SWEEP["limit_dominant_mode"], "dominant mode at the limit depth; 0 where none is"),
+    "limit_bifurcation": _of_cuts(
+        SWEEP["limit_bifurcation"], "how stability is lost at the limit depth: 0 not at all, 1 Hopf, 2 flip, 3 fold"
+    ),
+    "limits_complete": _of_cuts(SWEEP["limits_complete"], SWEEP["limits_complete"].doc),
+    "error_estimate": _of_cuts(SWEEP["error_estimate"], SWEEP["error_estimate"].doc),
+}
+
+#: What a data set knows of its machines before they are computed.
+DATASET_INPUTS: dict[str, Variable] = {
+    "machine_input": Variable(dims=("machine", "machine_key"), dtype="f8", doc="what varies from machine to machine"),
+    "cut_input": Variable(dims=("machine", "cut", "cut_key"), dtype="f8", doc="what varies from cut to cut"),
+    "split": Variable(dims=("machine",), dtype="i1", doc="0 train, 1 validation, 2 test; all cuts of a machine alike"),
+}
+
+#: Completion and outcome of every cut at every speed, written after everything else of its chunk.
+CUT_STATUS = replace(
+    CELL_STATUS,
+    dims=("machine", "cut", "spindle_speed"),
+    doc="0 pending, 1 ok, 2 not converged, 3 outside validity, 4 worker lost, 6 timed out",
+)

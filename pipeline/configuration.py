@@ -4,7 +4,6 @@ Hydra composes the configs that are shipped; nothing of it is ever instantiated.
 looks like a path replaces the machine's parts by the content of that file.
 """
 
-import re
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ import configs
 from chatter_core.effects import effect_names, own_effects
 from chatter_core.errors import InvalidInput
 from chatter_core.reading import load_value, load_yaml, nearest, sentences, shown
+from pipeline.keys import put
 from pipeline.settings import Settings
 
 CONFIGS = Path(next(iter(configs.__path__)))
@@ -29,8 +29,6 @@ EFFECTS = "effects"
 EFFECTS_PATH = "effects_path"
 #: Base models by name, and where they take the bearings' stiffness.
 BASES = {"full": "dynamic", "static_bearing": "static"}
-#: A name or an index in a dotted key.
-_KEY_PART = re.compile(r"([A-Za-z0-9_]+)|\[([0-9]{1,9})\]")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,31 +191,9 @@ def _with_values(data: dict[str, Any], values: list[str]) -> dict[str, Any]:
     for word in values:
         key, _, text = word.partition("=")
         try:
-            _put(changed, key, load_value(text))
+            put(changed, key, load_value(text))
         except ValueError as error:
             problems.append(f"{key}: {shown(text)} cannot be put there: {error}")
     if problems:
         raise InvalidInput(problems)
     return changed
-
-
-def _put(data: dict[str, Any], key: str, value: Any) -> None:
-    """Put a value at a dotted key such as ``spindle.sections[0].length_mm``; new keys are made.
-
-    Raises ValueError when the key leads into a value that holds no such part.
-    """
-    parts = [int(index) if index else name for name, index in _KEY_PART.findall(key)]
-    if "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in parts).removeprefix(".") != key:
-        raise ValueError("the key is not of the form group.key or group.list[0].key")
-    here: Any = data
-    for part, following in zip(parts, [*parts[1:], None], strict=True):
-        if isinstance(part, int) and not (isinstance(here, list) and part < len(here)):
-            raise ValueError(f"there is no entry [{part}]")
-        if isinstance(part, str) and not isinstance(here, dict):
-            raise ValueError(f"what stands there has no keys, and so no {part}")
-        if following is None:
-            here[part] = value
-        else:
-            if isinstance(part, str) and here.get(part) is None:
-                here[part] = {}
-            here = here[part]

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from chatter_core.evidence.campaign import Campaign
-from chatter_core.evidence.candidates import Hypothesis, refit
+from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.corrections import (
     Told,
     checks_failed,
@@ -20,6 +20,7 @@ from chatter_core.evidence.corrections import (
     mending,
     told,
 )
+from chatter_core.evidence.pursuit import refit
 from chatter_core.units import si_factor, split_key
 from pipeline.cluster import Workers
 from pipeline.figures import COLOURS

@@ -1,8 +1,10 @@
 """What is missing in a model: every candidate is fitted to a campaign, and one of five answers given."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from math import prod
 
 import numpy as np
 
@@ -11,16 +13,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, calibrate
 from chatter_core.evidence.assessment import Assessment, Limits, Version, curvature, version
 from chatter_core.evidence.belief import Belief, fitted
-from chatter_core.evidence.candidates import (
-    Candidate,
-    Hypothesis,
-    fit_hypothesis,
-    ground,
-    look,
-    pursue,
-    refit,
-    slope_of,
-)
+from chatter_core.evidence.candidates import Candidate, Hypothesis, slope_of
 from chatter_core.evidence.failures import Failure
 from chatter_core.evidence.held_out import together
 from chatter_core.evidence.next_measurement import NextMeasurement, next_receptances, of_cut, other_cuts
@@ -28,6 +21,7 @@ from chatter_core.evidence.next_trial import NextTrial, next_trial
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.power import Power, power
 from chatter_core.evidence.prediction import CampaignModel
+from chatter_core.evidence.pursuit import fit_hypothesis, ground, look, pursue, refit
 from chatter_core.evidence.ranking import NOTHING, Ranked, rank
 from chatter_core.evidence.scores import Score, cut_scores
 from chatter_core.evidence.verdict import PAIR_GAIN, Verdict, decide, failed_checks
@@ -42,6 +36,8 @@ from pipeline.pieces import held_out_jobs, interval_jobs, intervals, lobe_jobs
 RESTORING = {"speed_dependent_bearing": "base", "higher_modes": "modes"}
 #: Hypotheses whose evidence comes so near to the best are fitted to their end [nats]: of others none could be named.
 CLOSE = 12.0
+#: Where the base model rises by more than this from the best effect's place [nats], all is looked at again, once.
+RISEN, GROUNDS = 1.0, 2
 #: Second effects that are fitted beside the first, those that promise most.
 SECONDS = 4
 #: Verdicts after which the best effect belongs to the model, although others may be tied with it.
@@ -56,19 +52,19 @@ FEWEST_CUTS = 8
 class Diagnosis:
     """Everything that a diagnosis found.
 
-    base: the model as it was, calibrated; ranking: nothing missing and single effects; pair: the best pair, None
-    where none was tried; powers: of every candidate; judged: the base model and the best ones held against the
-    campaign, by name, and left: what each of them fails in that counts; held_out: scores on cuts held out, by name;
-    next_trial: the cut that would part the two best; next_measurements: that one and others, what is most worth its
-    cost first; intervals: of the parameters of effects that are named, profiled; before_and_after: the base model and
-    the best one with their lobes, for pictures, None where nothing is missing; corrections: without a formula, where
-    the verdict is ``unexplained``.
+    base: the model as it was, calibrated; ranking: nothing missing and single effects; pairs: with the first of
+    them, the best first, none where none was tried; powers: of every candidate; judged: the base model and the best
+    ones held against the campaign, by name, and left: what each of them fails in that counts; held_out: scores on cuts
+    held out, by name; next_trial: the cut that would part the two best; next_measurements: that one and others, what
+    is most worth its cost first; intervals: of the parameters of effects that are named, profiled; before_and_after:
+    the base model and the best one with their lobes, for pictures, None where nothing is missing; corrections: without
+    a formula, where the verdict is ``unexplained``.
     """
 
     content: Content
     base: Hypothesis
     ranking: list[Ranked]
-    pair: Ranked | None
+    pairs: list[Ranked]
     powers: list[Power]
     judged: dict[str, Version]
     left: dict[str, list[Failure]]
@@ -79,6 +75,11 @@ class Diagnosis:
     intervals: dict[str, Limits] = field(default_factory=dict)
     before_and_after: Assessment | None = None
     corrections: Corrections | None = None
+
+    @property
+    def pair(self) -> Ranked | None:
+        """The best pair, None where none was tried."""
+        return self.pairs[0] if self.pairs else None
 
     @property
     def best(self) -> Hypothesis:
@@ -165,8 +166,8 @@ def diagnose(
     told_of = {NOTHING: base, **{one.name: one.best for one in ranking[:2] if one.name != NOTHING}}
     judged = {name: _judged(one) for name, one in told_of.items()}
     left = {name: what_is_left(one, judged[name]) for name, one in told_of.items()}
-    pair = _pair(workers, base, candidates, ranking, left)
-    if pair is not None:
+    pairs = _pairs(workers, base, candidates, ranking, left)
+    for pair in pairs[:1]:
         judged[pair.name] = _judged(pair.best)
         left[pair.name] = what_is_left(pair.best, judged[pair.name])
     powers = _powers(workers, base, candidates)
@@ -174,11 +175,11 @@ def diagnose(
         content=content,
         base=base,
         ranking=ranking,
-        pair=pair,
+        pairs=pairs,
         powers=powers,
         judged=judged,
         left=left,
-        verdict=decide(ranking, pair, powers, left),
+        verdict=decide(ranking, pairs, powers, left),
     )
 
 
@@ -199,12 +200,12 @@ def completed(
         held_out=known | _held_out(workers, told_of, belief),
         next_trial=cut,
         next_measurements=measurements,
-        intervals=_intervals(workers, found.supported),
+        intervals=intervals_of(workers, found.supported),
         corrections=correct(workers, found.base) if found.verdict.kind == "unexplained" else None,
     )
 
 
-def _intervals(workers: Workers | None, named: Hypothesis) -> dict[str, Limits]:
+def intervals_of(workers: Workers | None, named: Hypothesis) -> dict[str, Limits]:
     """Return the profile intervals of the parameters of effects that are named; none for the base model."""
     names = [parameter.name for candidate in named.candidates for parameter in candidate.term.parameters]
     ends = spread(workers, interval_jobs(named.comparison, named.fit, names))
@@ -232,13 +233,18 @@ def _ranking(
     workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate]
 ) -> tuple[Hypothesis, list[Ranked]]:
     """Return the base model and the ranking of nothing missing and single effects."""
-    fitted_with = partial(fit_hypothesis, base.comparison, nested=ground(base))
-    near = spread(workers, [Job(name=str(one), call=partial(fitted_with, [one])) for one in candidates])
-    singles = _climbed(workers, near)
-    ranking = rank(base, singles)
-    if ranking[0].name != NOTHING:
-        # The base model gets the same chance to arrive as what is held against it.
-        base = refit(base, ranking[0].best.fit)
+    for _ in range(GROUNDS):
+        fitted_with = partial(fit_hypothesis, base.comparison, nested=ground(base))
+        near = spread(workers, [Job(name=str(one), call=partial(fitted_with, [one])) for one in candidates])
+        singles = _climbed(workers, near)
+        ranking = rank(base, singles)
+        before = base.fit.log_evidence
+        if ranking[0].name != NOTHING:
+            # The base model gets the same chance to arrive as what is held against it.
+            base = refit(base, ranking[0].best.fit)
+        if base.fit.log_evidence < before + RISEN:
+            # What stood where the base model was has not been held against a better one.
+            break
     return base, rank(base, singles)
 
 
@@ -300,20 +306,20 @@ def what_is_left(hypothesis: Hypothesis, judged: Version) -> list[Failure]:
     return [failure for failure in judged.failures if failure.band.get("parameter") not in own]
 
 
-def _pair(
+def _pairs(
     workers: Workers | None,
     base: Hypothesis,
     candidates: Sequence[Candidate],
     ranking: Sequence[Ranked],
     left: Mapping[str, Sequence[Failure]],
-) -> Ranked | None:
-    """Return the best pair with the first of the ranking, None where that one suffices or nothing is missing.
+) -> list[Ranked]:
+    """Return pairs with the first of the ranking, the best first; none where that one suffices or nothing is missing.
 
     Seconds are those that promise most beside the first: what a model with neither says of them may be nothing.
     """
     first = ranking[0]
     if first.name == NOTHING or not failed_checks(left[first.name]):
-        return None
+        return []
     named, known = first.best, ground(first.best)
     looks = [
         Job(
@@ -325,8 +331,11 @@ def _pair(
     ]
     prospects = sorted(spread(workers, looks), key=lambda one: -one.promise)[:SECONDS]
     jobs = [Job(name=f"{first.name} and {one.candidates[-1]}, fitted", call=partial(pursue, one)) for one in prospects]
-    pairs = [one for one in rank(base, _climbed(workers, spread(workers, jobs))) if one.name != NOTHING]
-    return max(pairs, key=lambda one: one.gain, default=None)
+    variants_of = Counter(one.name for one in candidates)
+    paired = _climbed(workers, spread(workers, jobs))
+    counts = {pair.name: prod(variants_of[name] for name in pair.names) for pair in paired}
+    pairs = [one for one in rank(base, paired, counts) if one.name != NOTHING]
+    return sorted(pairs, key=lambda one: -one.gain)
 
 
 def _powers(workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate]) -> list[Power]:

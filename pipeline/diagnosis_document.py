@@ -49,6 +49,7 @@ def document(found: Diagnosis, campaign: str) -> dict[str, Any]:
         "probability_of_none": next(one.probability for one in found.ranking if one.name == NOTHING),
         # Single effects and nothing missing share one probability; a pair stands beside them by its evidence.
         "pair": None if found.pair is None else ranked_data(found, found.pair) | {"probability": None},
+        "other_pairs": [{"effect": one.name, "score": one.gain} for one in found.pairs[1:]],
         "calibration": parameters_of(found.base, set()),
         "coverage_of_intervals": COVERAGE,
         "where_it_fails": [failure_data(failure) for failure in found.judged[NOTHING].failures],

@@ -5,7 +5,7 @@ import json
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 import yaml
@@ -20,7 +20,7 @@ from chatter_core.stages import Stages
 from chatter_core.variables import MODAL_PARAMETERS
 
 #: Raised when the meaning of what a store holds changes.
-STORE_VERSION = 2
+STORE_VERSION = 3
 #: A grid with more cells than this is refused before anything is allocated: 2e9 cells take 110 GB.
 MOST_CELLS = 2_000_000_000
 
@@ -223,12 +223,11 @@ class Cluster(Part):
         return self
 
 
-class Settings(Part):
-    """Everything that a run needs to know."""
+class Study(Part):
+    """What a run of any kind needs to know."""
 
     study: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")] = Field(description="name of the study")
     machine: Machine = Field(description="the machine and its cut")
-    grid: Grid = Field(description="grid of a sweep")
     method: MethodSettings = Field(description="method of Floquet analysis")
     cluster: Cluster = Field(description="where the chunks are computed")
     effects: dict[str, dict[str, Any]] = Field(
@@ -237,6 +236,9 @@ class Settings(Part):
 
     effects_path: Path | None = Field(default=None, description="folder with effects of the user's own")
 
+    #: What of the settings numbers depend on, beside machine, method and effects.
+    own_science: ClassVar[tuple[str, ...]] = ()
+
     @model_validator(mode="after")
     def _effects_fit_the_machine(self) -> Self:
         try:
@@ -244,6 +246,44 @@ class Settings(Part):
         except InvalidInput as error:
             raise ValueError("; ".join(error.problems)) from None
         return self
+
+    def model(self, machine: Machine) -> Stages:
+        """Return the stages of a machine with the effects that are on."""
+        return model_with(machine, self.effects, self.effects_path)
+
+    def scientific(self) -> dict[str, Any]:
+        """Return what the numbers of a run depend on, as plain data."""
+        own = {
+            name: getattr(self, name).model_dump(mode="json", exclude_none=True, by_alias=True)
+            for name in self.own_science
+        }
+        return {
+            "store_version": STORE_VERSION,
+            "machine": self.machine.described(),
+            **own,
+            "method": _plain(self.method),
+            # Without effects nothing is said of them: a study of the base model stays what it was.
+            **({"effects": self.effects} if self.effects else {}),
+            # Where a user's folder lies is not science; what its files say is.
+            **({"own_effects": digests} if (digests := own_digests(self.effects, self.effects_path)) else {}),
+        }
+
+    def record(self) -> str:
+        """Return study and scientific settings as yaml."""
+        return yaml.safe_dump({"study": self.study, **self.scientific()}, sort_keys=False)
+
+    def fingerprint(self) -> str:
+        """Return a digest of the scientific settings."""
+        canonical = json.dumps(self.scientific(), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+class Settings(Study):
+    """Everything that a sweep needs to know."""
+
+    grid: Grid = Field(description="grid of a sweep")
+
+    own_science: ClassVar[tuple[str, ...]] = ("grid",)
 
     @model_validator(mode="after")
     def _preload_belongs_to_a_spindle(self) -> Self:
@@ -261,47 +301,24 @@ class Settings(Part):
             return self.grid.preload_n.points()
         return np.array([self.machine.spindle.preload if self.machine.spindle else 0.0])
 
-    def model(self, machine: Machine) -> Stages:
-        """Return the stages of a machine with the effects that are on."""
-        return model_with(machine, self.effects, self.effects_path)
 
-    def scientific(self) -> dict[str, Any]:
-        """Return what the numbers of a run depend on, as plain data."""
-        return {
-            "store_version": STORE_VERSION,
-            "machine": self.machine.described(),
-            "grid": self.grid.model_dump(mode="json", exclude_none=True),
-            "method": self.method.model_dump(mode="json", exclude_none=True),
-            # Without effects nothing is said of them: a study of the base model stays what it was.
-            **({"effects": self.effects} if self.effects else {}),
-            # Where a user's folder lies is not science; what its files say is.
-            **({"own_effects": digests} if (digests := own_digests(self.effects, self.effects_path)) else {}),
-        }
-
-    def record(self) -> str:
-        """Return study and scientific settings as yaml."""
-        return yaml.safe_dump({"study": self.study, **self.scientific()}, sort_keys=False)
-
-    def fingerprint(self) -> str:
-        """Return a digest of the scientific settings."""
-        canonical = json.dumps(self.scientific(), sort_keys=True, separators=(",", ":"))
-        return hashlib.sha256(canonical.encode()).hexdigest()
+Kept = TypeVar("Kept", bound=Study)
 
 
-def recorded(attributes: dict[str, Any], own: Path | None, cluster: Cluster) -> Settings:
+def recorded(kind: type[Kept], attributes: dict[str, Any], own: Path | None, cluster: Cluster) -> Kept:
     """Return the settings that the attributes of a store hold, to be computed on a cluster.
 
-    own: folder with the user's own effects. Raises InvalidInput where they are not followed by this version of the
-    program, or by the effects of that folder, as they were when the store was made.
+    kind: class of the settings; own: folder with the user's own effects. Raises InvalidInput where they are not
+    followed by this version of the program, or by the effects of that folder, as they were when the store was made.
     """
-    said = {key: attributes["settings"][key] for key in ("machine", "grid", "method")}
+    said = {key: attributes["settings"][key] for key in ("machine", "method", *kind.own_science)}
     effects = attributes["settings"].get("effects", {})
     try:
-        found = Settings.model_validate(
+        found = kind.model_validate(
             {"study": attributes["study"], **said, "effects": effects, "effects_path": own, "cluster": cluster}
         )
     except ValidationError as error:
-        raise InvalidInput(sentences(error, Settings)) from None
+        raise InvalidInput(sentences(error, kind)) from None
     if found.fingerprint() != attributes["fingerprint"]:
         raise InvalidInput(
             [
@@ -331,6 +348,10 @@ def model_with(machine: Machine, effects: dict[str, dict[str, Any]], own: Path |
     if problems:
         raise InvalidInput(problems)
     return apply_effects(machine, active)
+
+
+def _plain(part: BaseModel) -> dict[str, Any]:
+    return part.model_dump(mode="json", exclude_none=True, by_alias=True)
 
 
 def _listed(points: np.ndarray) -> str:

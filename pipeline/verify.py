@@ -122,7 +122,7 @@ def repair(
             print(f"restored: {', '.join(found.documents)}")
             found = damage(place)
         _remove_unreadable_shards(place, found)
-        settings = recorded(metadata.attributes(place), own, cluster or Cluster(kind="local"))
+        settings = recorded(Settings, metadata.attributes(place), own, cluster or Cluster(kind="local"))
         _restore_fixed(place, found.fixed, settings)
         place.write(RECORD, settings.record().encode())
         metadata.refresh_copy(place)

@@ -1,6 +1,7 @@
 """What is taken from a campaign to see that it was needed; on files alone."""
 
 import shutil
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,7 +37,7 @@ class Ablation:
 
 def shuffled(rows: Rows) -> Rows:
     """Return the cuts with their labels, and the frequencies that belong to these, dealt out anew."""
-    order = np.random.default_rng([SHUFFLE_SEED, len(rows)]).permutation(len(rows))
+    order = np.random.default_rng([SHUFFLE_SEED, zlib.crc32(repr(rows).encode())]).permutation(len(rows))
     return [
         {**row, **{name: rows[other][name] for name in LABEL_COLUMNS}} for row, other in zip(rows, order, strict=True)
     ]

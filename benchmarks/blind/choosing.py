@@ -2,7 +2,7 @@
 
 ``python -m benchmarks.blind.choosing FOLDER [--temper 0.3 0.5] [--nothing 2 3] [--named 0.8] ...`` prints a grid for
 the calibration seeds, those of the test it refuses. The program's own rules are asked, ``rank`` and ``decide``, with
-other numbers in place of their constants. A pair stands where the diagnosis tried one: where it did not, other
+other numbers in place of their constants. Pairs stand where the diagnosis tried some: where it did not, other
 numbers cannot bring one forth.
 """
 
@@ -49,7 +49,9 @@ class Numbers:
     nothing_missing: float = ranking.NOTHING_MISSING
     named: float = verdict.NAMED
     tied_together: float = verdict.TIED_TOGETHER
+    nothing_named: float = verdict.NOTHING_NAMED
     pair_gain: float = verdict.PAIR_GAIN
+    pair_lead: float = verdict.PAIR_LEAD
     check_chance: float = verdict.CHECK_CHANCE
     seen_share: float = verdict.SEEN_SHARE
 
@@ -83,14 +85,16 @@ def replay(answer: dict[str, Any], numbers: Numbers) -> Replayed:
         name: [SimpleNamespace(chance=chance, text="") for chance in chances]
         for name, chances in answer["chances"].items()
     }
-    pair: Any = None
-    if document["pair"] is not None:
-        told = document["pair"]
-        best = SimpleNamespace(names=tuple(told["effect"].split(" + ")))
-        pair = SimpleNamespace(name=told["effect"], gain=told["score"], best=best)
+    tried = [] if document["pair"] is None else [document["pair"], *document["other_pairs"]]
+    pairs: Any = [
+        SimpleNamespace(
+            name=one["effect"], gain=one["score"], best=SimpleNamespace(names=tuple(one["effect"].split(" + ")))
+        )
+        for one in tried
+    ]
     with numbers.in_force():
         ranked: Any = ranking.rank(_hypothesis("", 0.0), singles)
-        found = verdict.decide(ranked, pair, powers, left)  # type: ignore[arg-type]
+        found = verdict.decide(ranked, pairs, powers, left)  # type: ignore[arg-type]
     return Replayed(
         verdict=found.kind,
         missing=tuple(found.missing),

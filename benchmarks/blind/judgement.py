@@ -7,7 +7,8 @@ right      the verdict that the truth asks for: ``none``; all hidden effects and
            what has no name
 part       of two hidden effects one was named, and no other
 tied       ``ambiguous``, with a hidden effect among the names
-near       what has no name was called by the name of an effect that lies near it (``NEAR``): neither right nor wrong
+near       what has no name was called by the name of an effect that lies near it (``NEAR``), and by no other with
+           confidence: neither right nor wrong
 wrong      an effect was named with confidence that is not hidden
 wrong_tie  ``ambiguous`` among effects of which none is hidden
 missed     ``none``, though something is hidden
@@ -139,7 +140,9 @@ def word_of(case: Case) -> str:
 def _word_of_names(case: Case) -> str:
     named, sure = set(case.missing), case.verdict == "effect"
     if case.kind == "foreign":
-        if named & {NEAR.get(effect, "") for effect in case.effects}:
+        near = {NEAR.get(effect, "") for effect in case.effects}
+        # Who names another effect with it, and is sure of both, is wrong in the other.
+        if named <= near if sure else named & near:
             return "near"
         return "wrong" if sure else "wrong_tie"
     hidden = set(case.effects)

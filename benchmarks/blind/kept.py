@@ -20,8 +20,11 @@ SOURCES = (
     "pipeline/diagnosis.py",
     "pipeline/diagnosis_document.py",
     "pipeline/model_file.py",
+    "pipeline/predict.py",
+    "pipeline/campaigns.py",
     "benchmarks/blind/program.py",
     "benchmarks/blind/ablations.py",
+    "benchmarks/blind/tables.py",
 )
 LIBRARIES = ("numpy", "scipy", "numba")
 DONE, FAILED = "done", "failed"

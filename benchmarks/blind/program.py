@@ -30,7 +30,7 @@ from chatter_core.evidence.parameters import Array, Parameter, column
 from chatter_core.evidence.prediction import QUANTITIES, Prediction
 from chatter_core.stages import Stages, Term
 from pipeline import model_file, predict
-from pipeline.diagnosis import Diagnosis, check_enough, diagnose
+from pipeline.diagnosis import Diagnosis, check_enough, diagnose, intervals_of
 from pipeline.diagnosis_document import document
 from pipeline.model_file import Content
 
@@ -97,6 +97,7 @@ def answer(folder: Path, *, frozen: bool = False) -> dict[str, Any]:
         model = model_of(folder, frozen=frozen, tally=tally)
         check_enough(model)
         found = diagnose(None, model, PRIORS, Content())
+        found = replace(found, intervals=intervals_of(None, found.supported))
     told = document(found, folder.name)
     # Model files hold the calibration of the two that count; that of a dozen others is nine tenths of a document.
     told["ranking"] = [{key: value for key, value in one.items() if key != "calibration"} for one in told["ranking"]]

@@ -33,7 +33,8 @@ def true_amplitudes(truth: Truth, settings: dict[str, Any]) -> dict[str, float]:
         return {"growth_um": 1e6 * hidden["ring_growth"] * _free_ring(machine["bearing"])}
     if name == "tool_runout":
         return {"runout_um": 2e6 * hidden["runout_m"]}
-    if name == "variable_pitch":
+    # With more teeth the hidden pattern is another than those of the program.
+    if name == "variable_pitch" and len(hidden["pitch_errors_deg"]) == 2:
         return {"variation": _variation(hidden["pitch_errors_deg"])}
     if name == "radial_immersion_error" and "immersion_offset" in hidden:
         return {"error": hidden["immersion_offset"] / machine["process"]["radial_immersion"]}

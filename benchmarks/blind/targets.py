@@ -113,10 +113,25 @@ def _stating(cases: Sequence[Case]) -> list[Target]:
             name="calibration error of stated probabilities", at_least=None, at_most=0.05,
             value=error, low=low, high=high, count=len(said),
         ),
+        _by_chance(stated),
         _of_share(
             "90 % intervals that hold the true amplitude", share(sum(held), len(held)), at_least=0.85, at_most=0.95
         ),
     ]  # fmt: skip
+
+
+def _by_chance(stated: Sequence[float]) -> Target:
+    """Return what a program whose stated probabilities are true would show, simulated: few answers scatter."""
+    value = low = high = np.nan
+    probability = np.asarray(stated)
+    if len(probability):
+        hits = np.random.default_rng(SEED).random((DRAWS // 10, len(probability))) < probability
+        drawn = [calibration_error(reliability(probability, hit)) for hit in hits]
+        value, (low, high) = np.mean(drawn), np.quantile(drawn, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)])
+    return Target(
+        name="the same of one whose probabilities are true", at_least=None, at_most=None,
+        value=float(value), low=float(low), high=float(high), count=len(probability),
+    )  # fmt: skip
 
 
 def _calibration_interval(stated: Sequence[float], right: Sequence[bool]) -> tuple[float, float, float]:

@@ -44,7 +44,9 @@ def calibrate(
     for part in (comparison.structural, comparison.smooth, comparison):
         if part is not None:
             end, evaluations = _approached(part, starts, free, climbed)
-            starts, climbed, spent = [own, end], 1, spent + evaluations
+            # Where it jumps, data may ask for another place than those that lead there.
+            starts, climbed = [own, end, *_displaced(comparison.parameters, end, free)], 2
+            spent += evaluations
     found = maximise(comparison, starts, free, 1, smallest_gain)
     return result(comparison, found, spent, height(comparison, own))
 

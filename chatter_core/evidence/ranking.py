@@ -1,6 +1,6 @@
 """How probable each hypothesis is, given the campaign: evidences, priors, and a temper against overconfidence."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,10 +29,13 @@ class Ranked:
     best: Hypothesis
 
 
-def rank(base: Hypothesis, hypotheses: Sequence[Hypothesis]) -> list[Ranked]:
+def rank(
+    base: Hypothesis, hypotheses: Sequence[Hypothesis], variants_of: Mapping[str, int] | None = None
+) -> list[Ranked]:
     """Return nothing missing and every effect, the most probable first.
 
-    The evidence of an effect is the mean of its variants'. A hypothesis that ended below the base model,
+    The evidence of an effect is the mean of its variants'; variants_of: how many there are by name, where not all were
+    fitted and the others count for nothing. A hypothesis that ended below the base model,
     which is nested in it, has failed; its evidence is what its fit has, and that is never above the base's by
     mistake.
 
@@ -44,7 +47,8 @@ def rank(base: Hypothesis, hypotheses: Sequence[Hypothesis]) -> list[Ranked]:
     entries = [(NOTHING, 0.0, NOTHING_MISSING, base)]
     for name, variants in by_name.items():
         evidence = np.array([variant.fit.log_evidence for variant in variants])
-        gain = float(logsumexp(evidence) - np.log(len(variants)) - base.fit.log_evidence)
+        count = len(variants) if variants_of is None else variants_of[name]
+        gain = float(logsumexp(evidence) - np.log(count) - base.fit.log_evidence)
         entries.append((name, gain, 0.0, variants[int(evidence.argmax())]))
     weights = np.array([TEMPER * gain + prior for _, gain, prior, _ in entries])
     probability = np.exp(weights - logsumexp(weights))

@@ -14,10 +14,14 @@ from chatter_core.evidence.ranking import NOTHING, Ranked
 
 #: An effect is named when it has this probability; several are tied when they have it together.
 NAMED, TIED_TOGETHER = 0.8, 0.9
+#: That nothing is missing is said when it is more probable than all effects together.
+NOTHING_NAMED = 0.5
 #: More than this many are not a tie but ignorance.
 MOST_TIED = 3
 #: A pair is named when it gains so much over its better half [nats].
 PAIR_GAIN = 5.0
+#: Pairs that gain less than this over one another are tied [nats].
+PAIR_LEAD = 2.5
 #: What is left counts as a failed check when it is so improbable by chance.
 CHECK_CHANCE = 0.002
 #: Nothing can be said to be missing when fewer candidates than this share would have been seen.
@@ -43,45 +47,58 @@ def failed_checks(left: Sequence[Failure]) -> list[Failure]:
 
 def decide(
     ranking: Sequence[Ranked],
-    pair: Ranked | None,
+    pairs: Sequence[Ranked],
     powers: Sequence[Power],
     left: Mapping[str, Sequence[Failure]],
 ) -> Verdict:
     """Return the verdict.
 
-    ranking: nothing missing and single effects, the most probable first; pair: the best of those with the
-    first of them, None where none was tried; powers: of all candidates; left: where each of these still
-    fails, by name.
+    ranking: nothing missing and single effects, the most probable first; pairs: with the first of them, those that
+    were tried, the best first; powers: of all candidates; left: where the two first of the ranking and the best pair
+    still fail, by name.
 
     See docs/physics.md#diagnosis.
     """
     first = ranking[0]
-    if first.name == NOTHING:
-        return _nothing(first, powers, failed_checks(left[NOTHING]))
-    gained = pair is not None and pair.gain > first.gain + PAIR_GAIN
-    if gained and pair is not None:
-        checks = failed_checks(left[pair.name])
-        if not checks:
-            names = tuple(sorted(pair.best.names))
-            text = f"Two effects are missing, {' and '.join(names)}: together they gain {pair.gain:.0f} nats."
-            return Verdict(kind="effect", missing=names, text=text)
-    else:
-        checks = failed_checks(left[first.name])
-    if checks:
-        best = pair.name if gained and pair is not None else first.name
-        return Verdict(
-            kind="unexplained",
-            missing=(),
-            text=f"Something is missing that no candidate explains: with {best}, "
-            f"the best of them, {len(checks)} checks still fail. {checks[0].text}",
-        )
-    return _named(ranking)
+    pair = pairs[0] if pairs and pairs[0].gain > first.gain + PAIR_GAIN else None
+    best = pair or first
+    checks = failed_checks(left[best.name])
+    if checks and (pair is not None or not _another_suffices(ranking, left)):
+        return _unexplained(best, checks)
+    if pair is not None:
+        return _two(first, pairs)
+    return _nothing(ranking, powers) if first.name == NOTHING and not checks else _named(ranking)
 
 
-def _nothing(first: Ranked, powers: Sequence[Power], checks: Sequence[Failure]) -> Verdict:
-    if checks:
-        text = f"Something is missing that no candidate explains. {checks[0].text}"
-        return Verdict(kind="unexplained", missing=(), text=text)
+def _another_suffices(ranking: Sequence[Ranked], left: Mapping[str, Sequence[Failure]]) -> bool:
+    """Return whether one that the first does not rule out passes every check that the first fails."""
+    return ranking[0].probability < NAMED and any(
+        one.name in left and not failed_checks(left[one.name]) for one in ranking[1:]
+    )
+
+
+def _unexplained(best: Ranked, checks: Sequence[Failure]) -> Verdict:
+    with_what = "" if best.name == NOTHING else f": with {best.name}, the best of them, {len(checks)} checks still fail"
+    text = f"Something is missing that no candidate explains{with_what}. {checks[0].text}"
+    return Verdict(kind="unexplained", missing=(), text=text)
+
+
+def _two(first: Ranked, pairs: Sequence[Ranked]) -> Verdict:
+    """Return the two effects that are named, or those that are tied for the second place."""
+    tied = [one for one in pairs if one.gain > pairs[0].gain - PAIR_LEAD]
+    names = tuple(sorted({name for one in tied for name in one.best.names}))
+    if len(tied) == 1:
+        text = f"Two effects are missing, {' and '.join(names)}: together they gain {pairs[0].gain:.0f} nats."
+        return Verdict(kind="effect", missing=names, text=text)
+    seconds = [name for name in names if name not in first.best.names]
+    text = f"{first.name} is missing, and with it one of {', '.join(seconds)}, which these measurements cannot part."
+    return Verdict(kind="ambiguous", missing=names, text=text)
+
+
+def _nothing(ranking: Sequence[Ranked], powers: Sequence[Power]) -> Verdict:
+    first = ranking[0]
+    if first.probability < NOTHING_NAMED:
+        return _perhaps(ranking)
     names = {power.candidate.name for power in powers}
     seen = {power.candidate.name for power in powers if power.nats >= ENOUGH}
     if len(seen) < SEEN_SHARE * len(names):
@@ -94,6 +111,13 @@ def _nothing(first: Ranked, powers: Sequence[Power], checks: Sequence[Failure]) 
     unseen = f" Not seen at their usual size would be {', '.join(blind)}." if blind else ""
     text = f"Nothing is missing that these measurements show (probability {first.probability:.2f}).{unseen}"
     return Verdict(kind="none", missing=(), text=text)
+
+
+def _perhaps(ranking: Sequence[Ranked]) -> Verdict:
+    """Return that an effect may be missing, or nothing."""
+    effect = next(one for one in ranking if one.name != NOTHING)
+    text = f"{effect.name} may be missing, or nothing: {effect.probability:.2f} against {_of_nothing(ranking):.2f}."
+    return Verdict(kind="underpowered", missing=(), text=text)
 
 
 def _named(ranking: Sequence[Ranked]) -> Verdict:
@@ -111,8 +135,7 @@ def _named(ranking: Sequence[Ranked]) -> Verdict:
         if together >= TIED_TOGETHER:
             break
     if NOTHING in tied:
-        text = f"{first.name} may be missing, or nothing: {first.probability:.2f} against {_of_nothing(ranking):.2f}."
-        return Verdict(kind="underpowered", missing=(), text=text)
+        return _perhaps(ranking)
     if together < TIED_TOGETHER:
         text = f"Too many effects could be missing to name them: {', '.join(tied)} and others."
         return Verdict(kind="underpowered", missing=(), text=text)

@@ -103,6 +103,27 @@ def test_a_joint_adds_its_compliance_to_the_tip(reference_machine: Machine, bord
     assert gained == pytest.approx(lateral + rotational * place**2, rel=2e-2)  # a few modes are not kept
 
 
+@pytest.mark.parametrize("effect", ["holder_joint", "drawbar_stiffness"])
+@pytest.mark.parametrize("border", ["tool/holder", "holder/shaft"])
+def test_a_joint_that_hardly_gives_moves_hardly_anything(reference_machine: Machine, effect: str, border: str):
+    """From closed on frequencies move in proportion to compliance, and nowhere by what rounding makes of it."""
+    speeds, closed = (
+        np.array([0.0, SPEEDS[-1]]),
+        structure(reference_machine, np.array([0.0, SPEEDS[-1]]), mode_count=4),
+    )
+
+    def moved(width: float) -> float:
+        own = {"lateral_compliance_um_n": 0.01 * width} if effect == "holder_joint" else {}
+        stages = model(reference_machine, effect, joint=border, rotational_compliance_urad_n_m=5.0 * width, **own)
+        found = structure(stages, speeds, mode_count=4).modes.natural_frequency
+        return float(np.abs(found / closed.modes.natural_frequency - 1.0).max())
+
+    per_width = moved(1e-2) / 1e-2
+    for width in 10.0 ** np.arange(-9.0, -2.0):
+        # Closed it moves nothing; beyond, ten times less than what a receptance's frequency axis errs by (3e-3).
+        assert moved(width) <= 1.2 * per_width * width + 2e-5
+
+
 def test_a_drawbar_is_the_holder_joint_of_each_speed(reference_machine: Machine):
     """At one speed it is a joint of that compliance, which the rotor is reduced with for itself."""
     stages = model(reference_machine, "drawbar_stiffness", joint="holder/shaft", rotational_compliance_urad_n_m=4.0)

@@ -73,6 +73,8 @@ WORTH = [
     (case("foreign", "effect", "thermal_preload", effects=["warm_up"]), "near"),
     (case("foreign", "effect", "ring_expansion", effects=["warm_up"]), "wrong"),
     (case("foreign", "effect", "workpiece_mode", effects=["workpiece_pair"]), "near"),
+    # Sure of another effect beside the near one: the other is not there.
+    (case("foreign", "effect", "thermal_preload", "tool_runout", effects=["warm_up"]), "wrong"),
     (case("foreign", "effect", "thermal_preload", effects=["tool_wear"]), "wrong"),
     (case("foreign", "none", effects=["tool_wear"]), "missed"),
     (case("foreign", "ambiguous", "a", "b", effects=["tool_wear"]), "wrong_tie"),
@@ -239,6 +241,7 @@ def kept_answer(gains, *, chances=None, pair=None):
             "ranking": [{"effect": name, "score": gain} for name, gain in gains.items()],
             "power": [{"effect": name, "nats": 50.0} for name in gains],
             "pair": pair,
+            "other_pairs": [],
         },
         "chances": {"none": [], **{name: [] for name in gains}, **(chances or {})},
     }

@@ -7,20 +7,12 @@ import pytest
 
 from chatter_core.effects import variants
 from chatter_core.evidence import CampaignModel, Comparison, base_model, calibrate
-from chatter_core.evidence.candidates import (
-    LEFT_GAIN,
-    Candidate,
-    Hypothesis,
-    extended,
-    fit_hypothesis,
-    ground,
-    refit,
-    slope_of,
-)
+from chatter_core.evidence.candidates import Candidate, Hypothesis, extended, slope_of
 from chatter_core.evidence.fit import free_parameters, maximise
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.next_trial import next_trial
 from chatter_core.evidence.power import ENOUGH, power
+from chatter_core.evidence.pursuit import LEFT_GAIN, fit_hypothesis, ground, refit
 from chatter_core.evidence.ranking import NOTHING, rank
 from pipeline.diagnosis import CLOSE
 from tests.synthetic import RPM, campaign, measured, tip_machine, trials

@@ -107,8 +107,8 @@ def test_all_mistakes_are_told_at_once() -> None:
     assert [problem.split(":")[0] for problem in told] == [
         "tool.teeth",
         "cutting.kn",
-        "grid.mode_count",
         "cluster.workers",
+        "grid.mode_count",
     ]
 
 

@@ -42,8 +42,8 @@ BLIND = [Seen(Named(name), 50.0 if name == "a" else 0.5 * ENOUGH) for name in "a
 NOTHING_LEFT: dict[str, list[Failure]] = {name: [] for name in (NOTHING, "a", "b", "c", "a + b")}
 
 
-def decided(ranking, pair=None, powers=POWERFUL, **left):
-    return decide(ranking, pair, powers, {**NOTHING_LEFT, **left})
+def decided(ranking, *pairs, powers=POWERFUL, **left):
+    return decide(ranking, pairs, powers, {**NOTHING_LEFT, **left})
 
 
 def test_nothing_is_missing_where_it_would_have_been_seen():
@@ -88,6 +88,35 @@ def test_two_effects_are_named_when_the_first_fails_and_both_gain():
     assert decided(ranking, ranked("a + b", 1.0, 22.0), **left).kind == "unexplained"
     still = {**left, "a + b": [failure(0.001)]}
     assert decided(ranking, ranked("a + b", 1.0, 40.0), **still).kind == "unexplained"
+
+
+def test_of_two_pairs_that_gain_alike_neither_is_named():
+    ranking, left = [ranked("a", 0.99, 20.0), ranked(NOTHING, 0.01, 0.0)], {"a": [failure(0.001)]}
+    found = decided(ranking, ranked("a + b", 1.0, 40.0), ranked("a + c", 1.0, 39.0), **left)
+    assert (found.kind, found.missing) == ("ambiguous", ("a", "b", "c"))
+    found = decided(ranking, ranked("a + b", 1.0, 40.0), ranked("a + c", 1.0, 30.0), **left)
+    assert (found.kind, found.missing) == ("effect", ("a", "b"))
+
+
+def test_unexplained_is_not_said_where_one_that_is_not_ruled_out_passes():
+    left = {"a": [failure(0.001)]}
+    tied = [ranked("a", 0.5, 20.0), ranked("b", 0.48, 20.0), ranked(NOTHING, 0.02, 0.0)]
+    assert decided(tied, **left).missing == ("a", "b")
+    ruled_out = [ranked("a", 0.9, 20.0), ranked("b", 0.1, 15.0)]
+    assert decided(ruled_out, **left).kind == "unexplained"
+    nothing = [ranked(NOTHING, 0.5, 0.0), ranked("a", 0.45, 4.0)]
+    assert decided(nothing, **{NOTHING: [failure(0.001)]}).kind == "underpowered"
+
+
+def test_nothing_is_not_said_where_effects_together_are_more_probable():
+    found = decided([ranked(NOTHING, 0.36, 0.0), ranked("a", 0.32, 2.0), ranked("b", 0.32, 2.0)])
+    assert found.kind == "underpowered"
+    assert "a may be missing, or nothing" in found.text
+
+
+def test_variants_that_were_not_fitted_count():
+    found = rank(hypothesis("", 0.0), [hypothesis("a + b", 15.0)], {"a + b": 6})
+    assert found[0].gain == pytest.approx(15.0 - np.log(6.0))
 
 
 def hypothesis(name, evidence):

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from chatter_core.evidence.assessment import WIDTHS, dominant_modes
 from chatter_core.evidence.calibration import START_GAIN
-from chatter_core.evidence.candidates import LEFT_GAIN, Hypothesis, carried
+from chatter_core.evidence.candidates import Hypothesis, carried
 from chatter_core.evidence.comparison import Comparison
 from chatter_core.evidence.corrections.terms import TRIAL, Correction
 from chatter_core.evidence.corrections.trial_order import OrderedModel
@@ -18,6 +18,7 @@ from chatter_core.evidence.newton import Climb, Maximum
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.power import ENOUGH
 from chatter_core.evidence.prediction import CampaignModel
+from chatter_core.evidence.pursuit import LEFT_GAIN
 from chatter_core.evidence.verdict import failed_checks
 from chatter_core.units import si_factor
 

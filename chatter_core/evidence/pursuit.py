@@ -1,0 +1,192 @@
+"""The fit of a model with one effect more: looked at from many places, pursued from the best."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_core.evidence.calibration import START_GAIN
+from chatter_core.evidence.candidates import Candidate, Hypothesis, carried, extended, slope_of
+from chatter_core.evidence.comparison import Comparison
+from chatter_core.evidence.fit import Fit, free_parameters, maximise, result
+from chatter_core.evidence.newton import Climb, Maximum
+from chatter_core.evidence.parameters import Array
+from chatter_core.evidence.starts import (
+    SMALLEST_PROMISE,
+    Worth,
+    chosen,
+    missed_frequencies,
+    promises,
+    smooth_rows,
+    unseen_starts,
+)
+
+#: A climb goes on from where smooth data have led where those, or all data, gain more than this by the effect [nats].
+LEAST_GAIN = 1.0
+#: What is ranked need not be known better than this [nats].
+LEFT_GAIN = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ground:
+    """A fitted hypothesis from which further effects are looked for.
+
+    slope: as ``slope_of`` has it; smooth_gain: what a climb by its smooth data alone still gains in those, and
+    whole_gain what all data have gained where it ends, mostly a loss [nats]; misheard: whether chatter frequencies,
+    which alone say where its modes lie, are missed.
+    """
+
+    hypothesis: Hypothesis
+    slope: Array
+    smooth_gain: float
+    whole_gain: float
+    misheard: bool
+
+
+def ground(hypothesis: Hypothesis) -> Ground:
+    """Return a fitted hypothesis with what is to be known of it before effects are added.
+
+    See docs/physics.md#diagnosis.
+    """
+    fit, slope, comparison = hypothesis.fit, slope_of(hypothesis), hypothesis.comparison
+    climb = Climb(comparison, ~fit.fixed)
+    height, here = climb.posterior(fit.estimate)
+    smooth = _smooth(climb)
+    end = smooth.approach(fit.estimate, START_GAIN, slope[smooth_rows(here)])
+    return Ground(
+        hypothesis=hypothesis,
+        slope=slope,
+        smooth_gain=end.log_posterior - smooth.posterior(fit.estimate)[0],
+        whole_gain=climb.posterior(end.values)[0] - height,
+        misheard=comparison.structural is None and missed_frequencies(comparison, here).size > 0,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prospect:
+    """What a model has to gain from one effect more, before it is fitted.
+
+    candidates: the last of them is new; nested: the model without it; climb; known: its Jacobian (coordinate,
+    parameter); added: (parameter,) which are the new effect's own; at_null: the model with the effect at its null;
+    starts: promises over the null [nats], and places (parameter,).
+    """
+
+    candidates: tuple[Candidate, ...]
+    nested: Ground
+    climb: Climb
+    known: Array
+    added: NDArray[np.bool_]
+    at_null: Maximum
+    starts: list[tuple[float, Array]]
+
+    @property
+    def promise(self) -> float:
+        """The most that any start promises [nats]."""
+        return max(promise for promise, _ in self.starts)
+
+
+def look(base: Comparison, candidates: Sequence[Candidate], nested: Ground) -> Prospect:
+    """Return what a model with effects has to gain over one that is nested in it.
+
+    The last of the candidates is new: it is looked at with several strengths and shapes, since a displaced resonance
+    has no slope that would lead to it, and with everything else where the slope says that it would go.
+
+    See docs/physics.md#diagnosis.
+    """
+    comparison, new = extended(base, candidates), candidates[-1]
+    own, known = carried(comparison, nested.hypothesis.fit), _in_order(comparison, nested)
+    added = np.array([parameter in new.term.parameters for parameter in comparison.parameters])
+    climb = Climb(comparison, free_parameters(comparison, (), own))
+    at_null = climb.stay(own, known, added)
+    starts = [
+        (climb.promise_of(at_null), own),
+        *promises(Worth(climb, at_null, known, added), comparison, own, new, at_null.evaluation),
+    ]
+    return Prospect(
+        candidates=tuple(candidates),
+        nested=nested,
+        climb=climb,
+        known=known,
+        added=added,
+        at_null=at_null,
+        starts=starts,
+    )
+
+
+def pursue(prospect: Prospect) -> Hypothesis:
+    """Fit a model with one effect more from its best starts, to near its maximum.
+
+    Where neither a step from its null nor any start promises anything, that is where it stays: the score test of the
+    effect. What comes near the truth is worth a ``refit``.
+
+    See docs/physics.md#diagnosis.
+    """
+    climb, known, added, found = prospect.climb, prospect.known, prospect.added, prospect.at_null
+    comparison = climb.problem
+    assert isinstance(comparison, Comparison)
+    smooth, rows = _smooth(climb), smooth_rows(found.evaluation)
+    still = smooth.posterior(found.values)[0]
+    for start in chosen(comparison, prospect.candidates[-1], prospect.starts):
+        ahead = smooth.approach(start, START_GAIN, known[rows], added, still)
+        if not _leads_on(prospect, ahead, still):
+            continue
+        found = _higher(found, climb.approach(ahead.values, START_GAIN, known, added, found.log_posterior))
+    if prospect.nested.misheard:
+        for start in unseen_starts(comparison, prospect.at_null.values, prospect.candidates[-1]):
+            found = _higher(found, climb.approach(start, START_GAIN, None, None, found.log_posterior))
+    fit = result(comparison, found, climb.evaluations, -np.inf)
+    return Hypothesis(candidates=prospect.candidates, comparison=comparison, fit=fit)
+
+
+def _higher(found: Maximum, end: Maximum) -> Maximum:
+    return end if end.log_posterior > found.log_posterior + SMALLEST_PROMISE else found
+
+
+def _smooth(climb: Climb) -> Climb:
+    """Return the climb of the smooth data alone, of all where none jump."""
+    comparison = climb.problem
+    assert isinstance(comparison, Comparison)
+    return Climb(comparison.smooth or comparison, climb.free)
+
+
+def _leads_on(prospect: Prospect, ahead: Maximum, still: float) -> bool:
+    """Return whether an effect has gained anything where a climb by the smooth data alone has ended.
+
+    Of those, or of all, and more than they gain by such a climb without it; still: the height of the smooth data with
+    the effect at its null.
+    """
+    nested, there = prospect.nested, prospect.climb.posterior(ahead.values)[0]
+    smooth = ahead.log_posterior - still - nested.smooth_gain
+    whole = there - prospect.at_null.log_posterior - nested.whole_gain
+    return max(smooth, whole) > LEAST_GAIN
+
+
+def fit_hypothesis(base: Comparison, candidates: Sequence[Candidate], nested: Ground) -> Hypothesis:
+    """Fit a model with effects, starting from one that is nested in it: ``look`` and ``pursue``.
+
+    See docs/physics.md#diagnosis.
+    """
+    return pursue(look(base, candidates, nested))
+
+
+def _in_order(comparison: Comparison, nested: Ground) -> Array:
+    """Return the slope of a nested model with the columns of another; what it does not know has none."""
+    parameters = nested.hypothesis.comparison.parameters
+    place = {parameter.name: index for index, parameter in enumerate(parameters)}
+    columns = [place.get(parameter.name, -1) for parameter in comparison.parameters]
+    return np.where(np.array(columns) >= 0, nested.slope[:, columns], 0.0)
+
+
+def refit(hypothesis: Hypothesis, start: Fit) -> Hypothesis:
+    """Fit a hypothesis again from the common parameters of another fit; the better one is returned.
+
+    An evidence against a fit that had not arrived is none.
+
+    See docs/physics.md#diagnosis.
+    """
+    comparison = hypothesis.comparison
+    own = carried(comparison, start)
+    free = free_parameters(comparison, (), own)
+    found = result(comparison, maximise(comparison, [own], free, 1, LEFT_GAIN), 0, -np.inf)
+    return hypothesis if found.log_posterior < hypothesis.fit.log_posterior else replace(hypothesis, fit=found)

@@ -1,0 +1,185 @@
+"""Where the fit of one effect more begins: strengths and shapes, and what each promises.
+
+A displaced resonance has no slope that would lead to it, so places are looked at and not only slopes.
+"""
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_core.evidence.candidates import Candidate
+from chatter_core.evidence.comparison import Compared, Comparison
+from chatter_core.evidence.newton import Climb, Maximum
+from chatter_core.evidence.nuisances import Nuisance
+from chatter_core.evidence.parameters import Array, Evaluation, Parameter
+
+#: Amplitudes at which a fit is started, in widths of their priors; to both sides where they can go there. The first
+#: is looked at with every shape.
+AMPLITUDES = (1.0, 0.3, 2.0, 3.0)
+#: Those from which all data are climbed at once, without a look.
+UNSEEN_AMPLITUDES = (0.3, 1.0)
+#: Shapes at which it is, in widths of theirs.
+SHAPES = (-1.2, -0.6, 0.0, 0.6, 1.2)
+#: An effect that is heard is looked at where chatter was and the model is off by so many deviations; frequencies nearer
+#: to each other than this share are one, and so many of those that were heard most often count. The natural frequency
+#: lies beside, by some such share.
+MISSED_BY, SAME_FREQUENCY, MOST_FREQUENCIES, BESIDE = 3.0, 0.05, 3, 0.02
+#: An effect of which a step from its null promises less stays there [nats].
+SMALLEST_PROMISE = 0.3
+#: Of all starts so many of the best are climbed from.
+CLIMBED = 2
+#: Of a strength that may go to both sides the best start to each that is no smaller than the first amplitude is climbed
+#: from too, unless it promises less than this [nats]: where all else has bent to imitate an effect, a small one beside
+#: its null promises most.
+HOPELESS = -15.0
+
+
+def promises(
+    worth: "Worth", comparison: Comparison, own: Array, new: Candidate, at_null: Evaluation
+) -> list[tuple[float, Array]]:
+    """Return starts of an effect, and what each promises over its null [nats].
+
+    Each shape is looked at with the first strength, the best of them with the others too.
+
+    See docs/physics.md#diagnosis.
+    """
+    shapes = _shapes(new, comparison, at_null)
+    found = [(worth.of(start), start) for start in _starts(comparison, own, new, AMPLITUDES[:1], shapes)]
+    best = sorted(found, key=lambda one: -one[0])[:CLIMBED]
+    others = [start for _, shaped in best for start in _starts(comparison, shaped, new, AMPLITUDES[1:], ())]
+    for start in others:
+        if not any(np.array_equal(start, known_start) for _, known_start in found):
+            found.append((worth.of(start), start))
+    return found
+
+
+def _shapes(new: Candidate, comparison: Comparison, at_null: Evaluation) -> list[float]:
+    """Return values of the shape that displaces, a frequency or an exponent; none where an effect has no shape."""
+    displacing = _displacing(new)
+    if displacing is None:
+        return []
+    shapes = [displacing.prior_mean + share * displacing.prior_width for share in SHAPES]
+    if new.heard != displacing.name:
+        return shapes
+    missed = missed_frequencies(comparison, at_null) / (2.0 * np.pi)
+    return [*shapes, *missed, *(1.0 - BESIDE) * missed, *(1.0 + BESIDE) * missed]
+
+
+def missed_frequencies(comparison: Comparison, evaluation: Evaluation) -> Array:
+    """Return the frequencies (frequency,) [rad/s] at which chatter was heard most often that a model does not know.
+
+    See docs/physics.md#diagnosis.
+    """
+    assert isinstance(evaluation.state, Compared)
+    trials = comparison.model.campaign.trials
+    said = evaluation.state.contributions.get("chatter_frequency")
+    if trials is None or said is None:
+        return np.empty(0)
+    heard = trials.chatter_frequency[np.isfinite(trials.chatter_frequency)]
+    missed = np.sort(heard[np.abs(said.coordinates[:, 0]) > MISSED_BY])
+    places = np.split(missed, np.flatnonzero(np.diff(np.log(missed)) > SAME_FREQUENCY) + 1) if len(missed) else []
+    return np.array([np.median(place) for place in sorted(places, key=len, reverse=True)[:MOST_FREQUENCIES]])
+
+
+def _displacing(new: Candidate) -> Parameter | None:
+    """Return the first shape of an effect, the one that displaces it; None where it has none."""
+    return next((p for p in new.term.parameters if p.name in new.shapes), None)
+
+
+def chosen(comparison: Comparison, new: Candidate, promised: Sequence[tuple[float, Array]]) -> list[Array]:
+    """Return the starts that are climbed from: those that promise most, and the best large one to each of two sides.
+
+    See docs/physics.md#diagnosis.
+    """
+    ordered = sorted(promised, key=lambda one: -one[0])
+    chosen = [start for promise, start in ordered[:CLIMBED] if promise >= SMALLEST_PROMISE]
+    names = [parameter.name for parameter in comparison.parameters]
+    first = new.amplitudes[0]
+    place, large = names.index(first.name), 0.999 * AMPLITUDES[0] * first.prior_width
+    for side in (1.0, -1.0) if first.lower < first.null < first.upper else ():
+        of_side = [one for one in ordered if side * (one[1][place] - first.null) >= large and one[0] >= HOPELESS]
+        if of_side and not any(np.array_equal(of_side[0][1], start) for start in chosen):
+            chosen.append(of_side[0][1])
+    return chosen
+
+
+def unseen_starts(comparison: Comparison, own: Array, new: Candidate) -> list[Array]:
+    """Return starts (parameter,) of an effect beside what a model has come to, and beside the machine as described.
+
+    Where chatter frequencies alone say where modes lie, a model that lacks an effect bends far away to meet some of
+    them; from there no look sees what the effect and an unbent machine would give together. Effects that do not move
+    modes have none.
+
+    See docs/physics.md#diagnosis.
+    """
+    if not any(parameter.touches == "structure" for parameter in new.amplitudes):
+        return []
+    bent = {p.name for term in comparison.model.terms if isinstance(term, Nuisance) for p in term.parameters}
+    unbent = np.array([p.null if p.name in bent else own[i] for i, p in enumerate(comparison.parameters)])
+    places = [own] if np.array_equal(own, unbent) else [own, unbent]
+    return [start for place in places for start in _starts(comparison, place, new, UNSEEN_AMPLITUDES, ())]
+
+
+class Worth:
+    """What places promise over the null of an effect, by themselves or once everything else has followed [nats].
+
+    Where chatter frequencies go then is not foreseen: they jump. So either all data count, and nothing follows, or
+    the smooth ones, and everything does.
+    """
+
+    def __init__(self, climb: Climb, at_null: Maximum, known: Array, added: NDArray[np.bool_]) -> None:
+        # The effect itself stays where it is put.
+        self.climb = Climb(climb.problem, climb.free & ~added)
+        self.height = at_null.log_posterior
+        self.smooth = smooth_rows(at_null.evaluation)
+        self.slope = np.where(self.smooth[:, None], known, 0.0)
+        self.rest = self._followed(at_null.values, at_null.evaluation, self.height)
+
+    def of(self, values: Array) -> float:
+        """Return what values (parameter,) promise."""
+        reached, there = self.climb.posterior(values)
+        return max(reached - self.height, self._followed(values, there, reached) - self.rest)
+
+    def _followed(self, values: Array, evaluation: Evaluation, reached: float) -> float:
+        unforeseen = evaluation.log_density[evaluation.datum[~self.smooth]].sum()
+        return reached - float(unforeseen) + self.climb.promise(values, evaluation, self.slope)
+
+
+def smooth_rows(evaluation: Evaluation) -> NDArray[np.bool_]:
+    """Return which coordinates (coordinate,) do not jump when parameters move: all but chatter frequencies.
+
+    See docs/physics.md#diagnosis.
+    """
+    assert isinstance(evaluation.state, Compared)
+    rows = np.ones(len(evaluation.coordinates), dtype=bool)
+    rows[evaluation.state.coordinates_of.get("chatter_frequency", slice(0))] = False
+    return rows
+
+
+def _starts(
+    comparison: Comparison, own: Array, new: Candidate, amplitudes: Sequence[float], shapes: Sequence[float]
+) -> list[Array]:
+    """Return starts (parameter,) at strengths of a candidate, in widths of their priors, and values of its shape.
+
+    To both sides where its strength can go there; without shapes ``own`` has them.
+    """
+    place = {parameter.name: index for index, parameter in enumerate(comparison.parameters)}
+    strengths = [sign * size for size in amplitudes for sign in (1.0, -1.0)]
+    displacing, starts = _displacing(new), list[Array]()
+    for strength, shape in itertools.product(strengths, shapes or (None,)):
+        start = own.copy()
+        for parameter in new.amplitudes:
+            start[place[parameter.name]] = _within(parameter, parameter.null + strength * parameter.prior_width)
+        if displacing is not None and shape is not None:
+            start[place[displacing.name]] = _within(displacing, shape)
+        # An amplitude that cannot go to one side stays at its null there, and so does the model.
+        moved = any(start[place[p.name]] != p.null for p in new.amplitudes)
+        if moved and not any(np.array_equal(start, other) for other in starts):
+            starts.append(start)
+    return starts
+
+
+def _within(parameter: Parameter, value: float) -> float:
+    return float(np.clip(value, parameter.lower, parameter.upper))

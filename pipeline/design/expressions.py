@@ -1,0 +1,88 @@
+"""Formulas of a design: arithmetic on the values of a description by their keys, and nothing else.
+
+    0.85 * tool.diameter_mm
+    spindle.sections[0].length_mm <= 6 * spindle.sections[0].outer_diameter_mm
+
+Names lead into the description alone: no function but those listed here can be called, and no attribute of Python be
+reached.
+"""
+
+import ast
+import math
+from functools import lru_cache
+from typing import Any
+
+import simpleeval
+
+#: Functions that a formula may call.
+FUNCTIONS = {"min": min, "max": max, "abs": abs, "sqrt": math.sqrt}
+#: Numbers that have a name.
+CONSTANTS = {"pi": math.pi}
+#: The library's operators, each with its guard against numbers that take all memory, less those for text and bits.
+OPERATORS = {
+    kind: simpleeval.DEFAULT_OPERATORS[kind]
+    for kind in (
+        *(ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.USub, ast.UAdd, ast.Not),
+        *(ast.Eq, ast.NotEq, ast.Lt, ast.LtE, ast.Gt, ast.GtE),
+    )
+}
+#: Characters of a formula.
+LONGEST = 500
+
+
+@lru_cache(maxsize=1000)
+def formula(text: str) -> "Formula":
+    """Return a formula, parsed once; raises ValueError, in one sentence, when it is none."""
+    return Formula(text)
+
+
+class Formula:
+    """A formula, parsed once; ``text`` as it was written. Raises ValueError, in one sentence, when it is none."""
+
+    def __init__(self, text: str) -> None:
+        if len(text) > LONGEST:
+            raise ValueError(f"found a formula of {len(text)} characters, allowed: at most {LONGEST}")
+        self.text = text
+        try:
+            self._parsed = simpleeval.SimpleEval.parse(text)
+        except Exception as error:
+            raise ValueError(f"found {text!r}, which is no formula: {_first_line(error)}") from None
+
+    def __call__(self, description: dict[str, Any]) -> Any:
+        """Return its value for a description (keys of the border, nested); raises ValueError in one sentence."""
+        evaluator = simpleeval.SimpleEval(
+            names={**CONSTANTS, **description},
+            functions=FUNCTIONS,
+            operators=OPERATORS,
+            allowed_attrs={dict: _keys(description)},
+        )
+        try:
+            return evaluator.eval(self.text, previously_parsed=self._parsed)
+        except Exception as error:
+            # Whatever it is (an unknown key, a division by zero, a word times a number): the formula is not right.
+            raise ValueError(f"{self.text!r} has no value: {_first_line(error)}") from None
+
+    def number(self, description: dict[str, Any]) -> float:
+        """Return its value, a finite number; raises ValueError in one sentence."""
+        found = self(description)
+        if isinstance(found, bool) or not isinstance(found, int | float) or not math.isfinite(found):
+            raise ValueError(f"{self.text!r} is {found!r}, allowed: a finite number")
+        return float(found)
+
+    def holds(self, description: dict[str, Any]) -> bool:
+        """Return whether it holds; raises ValueError, in one sentence, where it is neither true nor false."""
+        found = self(description)
+        if not isinstance(found, bool):
+            raise ValueError(f"{self.text!r} is {found!r}, allowed: a comparison, such as a.b <= 2 * c.d")
+        return found
+
+
+def _keys(part: Any) -> frozenset[str]:
+    """Return the keys at every depth of a description: all that may stand behind a dot."""
+    if isinstance(part, dict):
+        return frozenset(part).union(*map(_keys, part.values()))
+    return frozenset().union(*map(_keys, part)) if isinstance(part, list) else frozenset()
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]
