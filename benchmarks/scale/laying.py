@@ -8,17 +8,22 @@ from pipeline.places import LOBES, RECORD, Folder
 from pipeline.task import Task, compute_chunk
 
 
+def create(chunks: int, folder: Path) -> None:
+    """Make the store of a study, without any chunk."""
+    settings, place = study(chunks), Folder(folder)
+    folder.mkdir(parents=True)
+    store.create(place, settings, [])
+    place.write(RECORD, settings.record().encode())
+
+
 def lay(chunks: int, folder: Path, computed: int) -> None:
-    """Make the store of a study in which no more chunks are missing than are to be computed.
+    """Lay chunks into the store of a study until no more are missing than are to be computed.
 
     A copy costs a hundredth of a chunk that a task computes and writes, and is the same to whoever reads the store.
     """
-    settings, place = study(chunks), Folder(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    store.create(place, settings, [])
-    place.write(RECORD, settings.record().encode())
     if chunks <= computed:
         return
+    place = Folder(folder)
     group = store.open_group(place)
     every = store.chunks(group)
     compute_chunk(Task(place=place, chunk=every[0], kernel=KERNEL))

@@ -16,7 +16,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from benchmarks.scale.laying import lay
+from benchmarks.scale.laying import create, lay
 from benchmarks.scale.study import KERNEL, study
 from pipeline import report, status, sweep, verify
 from pipeline.places import Folder
@@ -43,10 +43,17 @@ def _between(marks: Marks, which: int) -> dict[str, float]:
     return {"seconds": after[0] - before[0], "processor_seconds": after[1] - before[1], "peak_mib": after[2]}
 
 
-def laid(chunks: int, computed: int, folder: Path) -> dict[str, Any]:
-    """Make a study of which so many chunks are missing."""
-    before = mark()
+def created(chunks: int, _: int, folder: Path) -> dict[str, Any]:
+    """Make the store of a study, anew where an earlier one was not measured to its end."""
     shutil.rmtree(folder, ignore_errors=True)
+    before = mark()
+    create(chunks, folder)
+    return _between([before, mark()], 0)
+
+
+def laid(chunks: int, computed: int, folder: Path) -> dict[str, Any]:
+    """Lay all chunks of a study but so many."""
+    before = mark()
     lay(chunks, folder, computed)
     return _between([before, mark()], 0)
 
@@ -103,6 +110,7 @@ def _verified(place: Folder) -> None:
 
 
 PHASES: dict[str, Phase] = {
+    "created": created,
     "laid": laid,
     "compute": compute,
     "resume": compute,

@@ -5,6 +5,7 @@ from typing import Any
 
 #: Phases of a study with what each is of, in the order in which they come.
 PHASES = {
+    "created": ("created", "creation: bearing and modes at every speed"),
     "start": ("compute", "start: which chunks are missing"),
     "run": ("compute", "run: handing out, beside the workers"),
     "end": ("compute", "end: closing the workers and the store"),

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 import subprocess
 import sys
 import time
@@ -82,6 +83,10 @@ def test_a_job_is_asked_for_as_it_is_described(job_class: type, kind: str, direc
     written = script(job_class, kind, *WORDS)
     assert [line for line in written.splitlines() if line.startswith(("#SBATCH", "#PBS"))] == directives
     assert "--nthreads 1 --memory-limit 2.50GiB --nworkers 4 --nanny" in written
+    # A worker has it from its nanny, and that from its configuration.
+    [environment] = [word for word in shlex.split(written) if "NANNY__PRE_SPAWN_ENVIRON" in word]
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        assert f"'{name}': 1" in environment
     assert "--interface lo" in written
 
 

@@ -7,6 +7,7 @@ import time
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_info
 
 from chatter_core.errors import NoEquilibrium
 from chatter_core.lobes import CROSSINGS, LobeBlock
@@ -84,6 +85,14 @@ def hanging(model: Any, **cells: Any) -> LobeBlock:
         while True:
             # One call of many hours that holds the interpreter: no Python thread could end it.
             sum(itertools.repeat(0))
+    return plain(model, **cells)
+
+
+def one_threaded(model: Any, **cells: Any) -> LobeBlock:
+    """Fail where linear algebra takes more than one thread."""
+    pools = {pool["filepath"]: pool["num_threads"] for pool in threadpool_info()}
+    if set(pools.values()) != {1}:
+        raise RuntimeError(f"threads: {pools}")
     return plain(model, **cells)
 
 
