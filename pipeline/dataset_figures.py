@@ -18,8 +18,8 @@ matplotlib.use("Agg")
 BANDS, FEW = ((0.1, 0.9), (0.25, 0.75)), 24
 #: Inputs that a picture holds, the largest.
 MOST_INPUTS = 20
-#: Columns that a bar shows with the half width of its interval, by what a table has.
-SHOWN = {"total_share": "total_half_interval", "delta": "delta_half_interval", "share": "share_half_interval"}
+#: Columns that a bar shows, each with that of the half width of its interval if there is one.
+SHOWN = {"total_share": "total_half_interval", "distance": None}
 
 
 def write(data: xr.Dataset, told: pd.DataFrame, text: str, folder: Path) -> list[Path]:
@@ -68,7 +68,13 @@ def tornado(told: pd.DataFrame, text: str) -> Figure:
         axes.legend(frameon=False)
     else:
         name = next(name for name in SHOWN if name in shown)
-        axes.barh(place, shown[name], xerr=shown[SHOWN[name]], color=COLOURS[0], ecolor="grey")
+        axes.barh(
+            place,
+            shown[name],
+            xerr=None if SHOWN[name] is None else shown[SHOWN[name]],
+            color=COLOURS[0],
+            ecolor="grey",
+        )
         labels = list(shown[KEY])
         axes.set_xlabel(name.replace("_", " "))
     axes.set_yticks(place, labels, fontsize=8)

@@ -130,6 +130,8 @@ def _tornado(told: pd.DataFrame, text: str) -> figure:
         add_key(made, entries)
     else:
         bars = made.hbar(y=keys, right=numbers(shown[label]), height=0.7, color=COLOURS[0])
-        bars.data_source.data["half"] = numbers(shown[SHOWN[label]])
-        made.add_tools(hover([bars], [("key", "@y"), ("share", "@right{0.000} \N{PLUS-MINUS SIGN} @half{0.000}")]))
+        rows = [("key", "@y"), (label.replace("_", " "), "@right{0.000}")]
+        other = SHOWN[label] or "rank_correlation"
+        bars.data_source.data["other"] = numbers(shown[other])
+        made.add_tools(hover([bars], [*rows, (other.replace("_", " "), "@other{0.000}")]))
     return made

@@ -3,20 +3,20 @@
 What is looked at is the lowest limit depth of a cut over all speeds, by its logarithm.
 """
 
-import warnings
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from SALib.analyze import delta, sobol
+from SALib.analyze import pawn, sobol
+from scipy import stats
 
 from pipeline.dataset_tables import inputs_table, limit_or_deepest
 
 #: Fewer cuts than this for each input say nothing of shares.
 FEWEST_EACH = 8
-#: Of intervals, by drawing cuts anew.
-CONFIDENCE, SEED = 0.9, 0
+#: Of intervals, by drawing cuts anew; classes that a known input is sorted into.
+CONFIDENCE, SEED, CLASSES = 0.9, 1, 8
 KEY = "key"
 
 
@@ -76,16 +76,15 @@ def _indices(keys: list[str], lowest: np.ndarray, known: np.ndarray) -> tuple[pd
 
 
 def _of_given(keys: list[str], numbers: np.ndarray, logarithm: np.ndarray) -> tuple[pd.DataFrame, str]:
-    """Return moment-independent measures and first-order shares, of any sample."""
+    """Return how far each input moves the distribution, and to which side, of any sample."""
     problem = {"num_vars": len(keys), "names": keys, "bounds": [[0.0, 1.0]] * len(keys)}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # an input with few values fills some classes with none
-        found = delta.analyze(problem, numbers, logarithm, conf_level=CONFIDENCE, seed=SEED)
-    columns = {"share": "S1", "share_half_interval": "S1_conf", "delta": "delta", "delta_half_interval": "delta_conf"}
-    table = _table(keys, {name: found[told] for name, told in columns.items()}, "delta")
-    text = (
-        "How far one input moves the distribution of ln(lowest limit depth) (delta, 0 to 1), and its share of variance."
-    )
+    found = pawn.analyze(problem, numbers, logarithm, S=CLASSES)
+    varies = np.ptp(numbers, axis=0) > 0.0
+    correlation = [
+        float(stats.spearmanr(numbers[:, i], logarithm).statistic) if varies[i] else 0.0 for i in range(len(keys))
+    ]
+    table = _table(keys, {"rank_correlation": correlation, "distance": found["median"]}, "distance")
+    text = "Distance between the distribution of the lowest limit depth and that with one input known (PAWN, 0 to 1)."
     return table, text
 
 

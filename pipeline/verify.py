@@ -179,7 +179,7 @@ def _restore_fixed(place: Place, names: list[str], settings: Study) -> None:
     if not names:
         return
     with TemporaryDirectory(prefix="chatter-") as scratch:
-        fresh = Folder(Path(scratch))
+        fresh = Folder(Path(scratch), place.root)
         store.create(fresh, settings, [])
         made, group = store.open_group(fresh), store.open_group(place)
         for name in names:

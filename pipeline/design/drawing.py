@@ -74,8 +74,8 @@ def _machines(design: Design, base: Description) -> Array:
 def _cuts(design: Design, machines: list[Description]) -> Array:
     level = design.cut
     if design.sampling == "grid":
-        rows = np.array(_grid(level)).reshape(-1, len(level.vary))
-        return np.broadcast_to(rows, (len(machines), *rows.shape)).copy()
+        rows = _grid(level)
+        return np.tile(np.array(rows).reshape(1, len(rows), len(level.vary)), (len(machines), 1, 1))
     each = design.cuts_per_machine or 1
     count = each * len(machines)
     if not level.vary and not level.constraints:

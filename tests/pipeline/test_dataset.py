@@ -38,9 +38,9 @@ def standin(
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Return numbers that depend on machine, cut and speed, and on nothing else: exp(preload + kt), scaled."""
     machines = [stages.machine for stages in cuts]
-    if machines[0].spindle.preload > 500.0:
+    if machines[0].spindle.preload == 600.0:
         raise NoEquilibrium("the ball leaves its race")
-    logarithm = np.array([m.spindle.preload / 200.0 + m.cutting.tangential_coefficient / 4e9 for m in machines])
+    logarithm = np.array([m.spindle.preload / 200.0 + m.cutting.specific_cutting_energy / 4e9 for m in machines])
     limit = np.exp(logarithm)[:, None] * (1e-3 + 1e-7 * spindle_speed)
     sizes = {"spindle_speed": len(spindle_speed), "cut": len(cuts), "axis": 2, "mode": mode_count}
     arrays = {name: v.without_result(tuple(sizes[d] for d in v.dims[1:])) for name, v in DATASET.items()}
@@ -118,7 +118,7 @@ def test_the_same_numbers_however_they_are_computed(small, tmp_path, words):
 
 def test_the_first_machines_of_a_larger_data_set_are_those_of_a_smaller(quick, tmp_path):
     for folder, count in (("few", 4), ("many", 9)):
-        assert dataset.run([*SMALL, f"design.machines={count}", f"output={tmp_path / folder}"]) in (0, 1)
+        assert dataset.run([*SMALL, f"design.machines={count}", f"output={tmp_path / folder}"]) == 0
     few, many = values(tmp_path / "few"), values(tmp_path / "many")
     for name in ("input", "limit_depth", "status"):
         np.testing.assert_array_equal(few[name], many[name][:4])
@@ -189,7 +189,7 @@ def test_a_damaged_data_set_is_found_and_repaired_and_a_finished_one_packed(quic
 
 
 def test_one_at_a_time_and_indices_are_those_of_a_function_that_is_known(quick, tmp_path):
-    """ln(limit) is preload / 200 + kt / 4000: with uniform inputs shares of variance go by the squares of the swings."""
+    """ln(limit) is preload / 200 + kt / 4000: of uniform inputs shares of variance go by the squares of the swings."""
     vary = (
         "vary.spindle.preload_n={distribution: uniform, low: 80, high: 120}",  # swings ln(limit) by 0.2
         "vary.cutting.kt_mpa={distribution: uniform, low: 700, high: 1100}",  # by 0.1
@@ -204,15 +204,18 @@ def test_one_at_a_time_and_indices_are_those_of_a_function_that_is_known(quick, 
     assert table["change_at_high_percent"].tolist() == pytest.approx(
         [100 * np.expm1(0.1), 100 * np.expm1(0.05), 0.0], abs=1e-4
     )
+    found = {}
     for sampling, machines in (("saltelli", 256), ("sobol", 512)):
         words = (*alone, *vary, f"design.sampling={sampling}", f"design.machines={machines}")
         assert dataset.run([*words, f"output={tmp_path / sampling}"]) == 0
         table, _ = sensitivity(xr.open_zarr(tmp_path / sampling / STORE).load())
-        share = dict(zip(table["key"], table["share"], strict=True))
-        # 4 : 1 : 0. Estimates from some hundreds of points; their own intervals are about 0.05 to 0.1.
-        assert share["spindle.preload_n"] == pytest.approx(0.8, abs=0.1)
-        assert share["cutting.kt_mpa"] == pytest.approx(0.2, abs=0.1)
-        assert share["tool.teeth"] == pytest.approx(0.0, abs=0.1)
+        assert table["key"].tolist()[:2] == ["spindle.preload_n", "cutting.kt_mpa"]
+        found[sampling] = table.set_index("key").loc[["spindle.preload_n", "cutting.kt_mpa", "tool.teeth"]]
+    # Variances as 4 : 1 : 0. Sobol's indices of some hundreds of points; their own intervals are about 0.1.
+    for column in ("share", "total_share"):
+        assert found["saltelli"][column].tolist() == pytest.approx([0.8, 0.2, 0.0], abs=0.1)
+    # Correlations are the roots; of ranks, which a sum of two uniform numbers changes little.
+    assert found["sobol"]["rank_correlation"].tolist() == pytest.approx([0.894, 0.447, 0.0], abs=0.05)
 
 
 @pytest.mark.parametrize(
