@@ -7,6 +7,7 @@ import socket
 import sys
 import threading
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -145,21 +146,18 @@ def _compute(
     metadata.update(place, history=[*metadata.attributes(place)["history"], begun])
     # Many writers of one shard would lose each other's chunks.
     cluster = Cluster(kind="serial") if store.is_packed(group) else settings.cluster
-    where, own, limit = place.anywhere(), settings.effects_path, cluster.time_limit
-    # Made when they are handed out: a list of all would be the largest thing in this process.
-    tasks = (
-        Task(place=where, chunk=every[int(number)], kernel=kernel, effects_path=own, time_limit=limit)
-        for number in numbers
+    own, limit = settings.effects_path, cluster.time_limit
+    first = Task(
+        place=place.anywhere(), chunk=every[int(numbers[0])], kernel=kernel, effects_path=own, time_limit=limit
     )
     if cluster.kind != "address":
-        _compile_once(Task(place=where, chunk=every[int(numbers[0])], kernel=kernel, effects_path=own))
-    total = every.all_cells
+        _compile_once(first)
+    # Made when they are handed out: a list of all would be the largest thing in this process.
+    tasks = (replace(first, chunk=every[int(number)]) for number in numbers)
+    meter = Meter(every.all_cells, counts.total())
     with signals() as stopping:
         try:
-            with (
-                open_client(cluster, lambda: bool(stopping.number)) as client,
-                Meter(total, counts.total()) as meter,
-            ):
+            with open_client(cluster, lambda: bool(stopping.number)) as client, meter:
                 _note_pages(journal, cluster, pages(client))
                 for record in dispatched(tasks, client, stopping, cluster.patience):
                     still_held()

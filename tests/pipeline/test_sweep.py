@@ -47,7 +47,7 @@ def test_store_opens_in_xarray_with_names_units_and_coordinates(smoke):
         assert bool((lobes["status"] == 1).all())
         assert lobes.attrs["complete"] is True
         # One chunk of each variable belongs to one task: all blocks of speeds are alike.
-        blocks = {lobes[name].chunksizes["spindle_speed"] for name in SWEEP}
+        blocks = {lobes[name].encoding["chunks"][3] for name in SWEEP}
         assert len(blocks) == 1
 
 
