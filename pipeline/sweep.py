@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -152,7 +153,6 @@ def _compute(
     """Compute the chunks that are missing; return how many cells of the store have which status then."""
     group = store.open_group(place)
     kind, every = store.kind_in(group), store.chunks(group)
-    physics = kernel or kind.kernel
     missing, of_others = survey.pending(place, retry_failed)
     counts = Counter({name: int(of_others[code]) for name, code in STATUS.items()})
     numbers = np.flatnonzero(missing)
@@ -162,22 +162,23 @@ def _compute(
     metadata.update(place, history=[*metadata.attributes(place)["history"], begun])
     # Many writers of one shard would lose each other's chunks.
     cluster = Cluster(kind="serial") if store.is_packed(group) else settings.cluster
-    where, own, limit = place.anywhere(), settings.effects_path, cluster.time_limit
-    # Made when they are handed out: a list of all would be the largest thing in this process.
-    tasks = (
-        Task(place=where, chunk=every[int(number)], kernel=physics, effects_path=own, time_limit=limit)
-        for number in numbers
+    own, limit = settings.effects_path, cluster.time_limit
+    first = Task(
+        place=place.anywhere(),
+        chunk=every[int(numbers[0])],
+        kernel=kernel or kind.kernel,
+        effects_path=own,
+        time_limit=limit,
     )
     if cluster.kind != "address":
-        _compile_once(Task(place=where, chunk=every[int(numbers[0])], kernel=physics, effects_path=own))
-    total = every.all_cells
+        _compile_once(first)
+    # Made when they are handed out: a list of all would be the largest thing in this process.
+    tasks = (replace(first, chunk=every[int(number)]) for number in numbers)
+    meter = Meter(every.all_cells, counts.total())
     with signals() as stopping:
         stopping.deadline = None if budget is None else time.monotonic() + budget
         try:
-            with (
-                open_client(cluster, lambda: bool(stopping.number)) as client,
-                Meter(total, counts.total()) as meter,
-            ):
+            with open_client(cluster, lambda: bool(stopping.number)) as client, meter:
                 _note_pages(journal, cluster, pages(client))
                 for record in dispatched(tasks, client, stopping, cluster.patience):
                     still_held()
@@ -192,7 +193,7 @@ def _compute(
                 raise
         if stopping.number:
             raise Stopped(stopping.number)
-    counts["pending"] = total - counts.total()
+    counts["pending"] = every.all_cells - counts.total()
     return counts
 
 
