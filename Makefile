@@ -8,7 +8,7 @@ SEEDS  ?= test
 FOLDER ?= results/blind
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep point compare diagnose improve predict identify paper tutorial template report journal status verify pack s3 bench scale blind soak slurm test clean
+.PHONY: help run sweep dataset point compare diagnose improve predict identify paper tutorial template report journal status verify pack s3 bench scale blind soak slurm test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -19,6 +19,9 @@ run: $(VENV)/.installed ## set up and compute the reference study: store, figure
 
 sweep: $(VENV)/.installed ## compute any study, by STUDY=name
 	$(BIN)/python -m pipeline sweep study=$(STUDY) $(ARGS)
+
+dataset: $(VENV)/.installed ## a data set or parameter study, by STUDY=dataset_small (or dataset_overnight, sensitivity, parameter_study)
+	$(BIN)/python -m pipeline dataset study=$(if $(filter reference,$(STUDY)),dataset_small,$(STUDY)) $(ARGS)
 
 point: $(VENV)/.installed ## the whole chain at one operating point, by ARGS="spindle_speed_rpm=12000 axial_depth_mm=1"
 	$(BIN)/python -m pipeline point $(ARGS)

@@ -29,7 +29,7 @@ from chatter_core.variables import Variable
 from pipeline import metadata
 from pipeline.chunks import Chunk, Chunks
 from pipeline.kinds import KINDS, Computed, Kind, kind_of
-from pipeline.places import Place
+from pipeline.places import LOBES, Place
 from pipeline.settings import Study
 
 #: What the functions here take that read.
@@ -134,13 +134,14 @@ def _array(
 
 def kind_in(group: zarr.Group) -> Kind:
     """Return the kind of study that a store is of."""
-    return KINDS[str(group.attrs["kind"])]
+    # Stores of earlier versions are all of sweeps, and do not say so.
+    return KINDS[str(group.attrs.get("kind", LOBES))]
 
 
 def chunks(group: zarr.Group) -> Chunks:
     """Return every chunk of a store."""
     shape, outer = array_of(group, "status").shape, kind_in(group).outer
-    block = int(str(group.attrs["entries_per_chunk"]))
+    block = int(str(group.attrs.get("entries_per_chunk", group.attrs.get("speeds_per_chunk"))))
     return Chunks(outer=shape[:outer], entries=shape[outer], each=math.prod(shape[outer + 1 :]), block=block)
 
 

@@ -1,0 +1,39 @@
+"""The page of a data set, in a real browser: choices change what is shown, and nothing is missing."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from pipeline import dataset
+from pipeline.kinds import Dataset
+from pipeline.places import DATASET as STORE
+from tests.pipeline.browser import needs_chromium, opened
+from tests.pipeline.test_dataset import SMALL
+from tests.pipeline.test_study_page import choose, plotted
+
+pytestmark = needs_chromium
+
+
+@pytest.fixture(scope="module")
+def output(tmp_path_factory):
+    """A data set whose numbers are known, with its page."""
+    folder = tmp_path_factory.mktemp("page")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Dataset, "kernel", "tests.pipeline.test_dataset:standin")
+        assert dataset.run([*SMALL, f"output={folder}"]) == 0
+    return folder
+
+
+def test_the_chosen_cut_and_the_chosen_input_are_shown(output):
+    data = xr.open_zarr(output / STORE).load()
+    limit = data["limit_depth"].fillna(20.0).values.reshape(-1, 3)
+    with opened(output / "report.html") as page:
+        # Numbers of the page have seven digits.
+        assert plotted(page, "Limit depth", "limit") == pytest.approx(limit[0], rel=1e-6)
+        choose(page, "cut", "3")
+        assert plotted(page, "Limit depth", "limit") == pytest.approx(limit[3], rel=1e-6)
+        lowest = plotted(page, "Lowest limit depth", "lowest")
+        assert lowest == pytest.approx(limit.min(axis=1), rel=1e-6)
+        choose(page, "input", "tool.teeth")
+        teeth = data["input"].sel(input_key="tool.teeth").values.ravel()
+        assert np.array_equal(plotted(page, "Lowest limit depth", "value"), teeth)
