@@ -13,7 +13,7 @@ from chatter_core.units import SUFFIXES
 #: The only dimensions that a result may have.
 DIMENSIONS = (
     *("modal_parameters", "preload", "mode_count", "spindle_speed", "axial_depth", "crossing", "mode", "axis"),
-    *("machine", "cut", "machine_key", "cut_key"),
+    *("machine", "cut", "input_key"),
 )
 
 #: Outcome of one grid cell. A cell that was never computed is 0: a store is complete when none is left.
@@ -152,8 +152,11 @@ DATASET: dict[str, Variable] = {
 
 #: What a data set knows of its machines before they are computed.
 DATASET_INPUTS: dict[str, Variable] = {
-    "machine_input": Variable(dims=("machine", "machine_key"), dtype="f8", doc="what varies from machine to machine"),
-    "cut_input": Variable(dims=("machine", "cut", "cut_key"), dtype="f8", doc="what varies from cut to cut"),
+    "input": Variable(
+        dims=("machine", "cut", "input_key"),
+        dtype="f8",
+        doc="what varies, in its key's unit; words by their place",
+    ),
     "split": Variable(dims=("machine",), dtype="i1", doc="0 train, 1 validation, 2 test; all cuts of a machine alike"),
 }
 

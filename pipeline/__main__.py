@@ -19,6 +19,7 @@ from pipeline.errors import StoreInUse
 #: Verb -> module with ``run(words) -> exit code``, and what it does.
 VERBS = {
     "sweep": "compute a grid of operating points into a store, with lobes, tables, figures and report",
+    "dataset": "machines and cuts of a design into a store: data sets to learn from, parameter studies, sensitivities",
     "point": "the whole chain at one operating point",
     "compare": "a model held against a campaign: how good it is, calibrated and not, and where it fails",
     "diagnose": "which physical effect is missing in a model, by a campaign",
@@ -49,6 +50,8 @@ examples
   python -m pipeline sweep study=reference spindle.preload_type=rigid cluster=threads
   python -m pipeline sweep machine=path/to/machine.yaml study=smoke output=my_results
   python -m pipeline sweep study=overnight cluster=slurm cluster.job.count=8 cluster.job.walltime_min=120
+  python -m pipeline dataset study=dataset_small
+  python -m pipeline dataset study=parameter_study 'vary.process.radial_immersion=[0.1, 0.2]' 'vary.tool.teeth=[2, 4]'
   python -m pipeline point spindle_speed_rpm=12000 axial_depth_mm=1
   python -m pipeline point machine=path/to/machine.yaml spindle_speed_rpm=12000 axial_depth_mm=1 format=json
   python -m pipeline point spindle_speed_rpm=3000 axial_depth_mm=2 'effects=[process_damping]'
@@ -73,6 +76,8 @@ effects, with the values of configs/effects; one is changed by effects.NAME.KEY=
 options of verbs
   sweep     output=DIR, store=s3://BUCKET/PREFIX, lease_s=60, retry_failed=true,
             effects=[NAME,...], effects_path=DIR, base=full|static_bearing
+  dataset   design=FILE.yaml, vary.KEY=[VALUE, ...], budget_hours=1, retry_failed=true, output=DIR, store=ADDRESS,
+            effects=[NAME,...], effects_path=DIR
   point     spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static,
             format=text|json, output=DIR, effects=[NAME,...], effects_path=DIR, base=full|static_bearing
   compare   campaign=DIR, model=FILE.yaml, output=DIR

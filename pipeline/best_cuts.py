@@ -12,12 +12,12 @@ from pipeline.lobes import OUTER, stability_limit
 DEPTH_MARGIN, SPEED_MARGIN = 0.1, 0.02
 
 
-def removal_rate(settings: dict[str, Any], spindle_speed_rpm: Any, axial_depth_mm: Any) -> Any:
+def removal_rate(machine: dict[str, Any], spindle_speed_rpm: Any, axial_depth_mm: Any) -> Any:
     """Return the volume that a cut removes [cm3/min]: depth times radial depth times feed speed.
 
-    settings: of the study; the others are of one shape.
+    machine: its description, with tool and process; the others are of one shape.
     """
-    tool, process = settings["machine"]["tool"], settings["machine"]["process"]
+    tool, process = machine["tool"], machine["process"]
     share = 1.0 if process["direction"] == "slot" else process["radial_immersion"]
     width = share * tool["diameter_mm"]
     return axial_depth_mm * width * tool["teeth"] * process["feed_per_tooth_mm"] * spindle_speed_rpm * 1e-3
@@ -33,24 +33,31 @@ def safe_depth(
     """
     limit = stability_limit(lobes).fillna(float(lobes["axial_depth"].max()))
     known = lobes["spectral_radius"].notnull().all("axial_depth")
-    speed = lobes["spindle_speed"].values
+    least = least_near(np.where(known, limit, np.nan), lobes["spindle_speed"].values, speed_margin)
+    return limit.copy(data=(1.0 - depth_margin) * least).rename("safe_depth")
+
+
+def least_near(limit: np.ndarray, speed: np.ndarray, margin: float = SPEED_MARGIN) -> np.ndarray:
+    """Return the least of the limit depths (..., speed) at each speed (speed,) and at those within a margin.
+
+    NaN where one of them is, and where speeds that are near were not computed.
+    """
     # Speeds ascend: those that are near to one stand side by side.
-    first = np.searchsorted(speed, speed * (1.0 - speed_margin - 1e-9))
-    last = np.searchsorted(speed, speed * (1.0 + speed_margin + 1e-9), side="right")
-    values = np.where(known, limit, np.nan)
-    least = np.stack([values[..., a:b].min(axis=-1) for a, b in zip(first, last, strict=True)], axis=-1)
-    inside = (speed * (1.0 - speed_margin) >= speed[0]) & (speed * (1.0 + speed_margin) <= speed[-1])
-    return limit.copy(data=np.where(inside, (1.0 - depth_margin) * least, np.nan)).rename("safe_depth")
+    first = np.searchsorted(speed, speed * (1.0 - margin - 1e-9))
+    last = np.searchsorted(speed, speed * (1.0 + margin + 1e-9), side="right")
+    least = np.stack([limit[..., a:b].min(axis=-1) for a, b in zip(first, last, strict=True)], axis=-1)
+    inside = (speed * (1.0 - margin) >= speed[0]) & (speed * (1.0 + margin) <= speed[-1])
+    return np.where(inside, least, np.nan)
 
 
 def best_cuts(lobes: xr.Dataset) -> pd.DataFrame:
     """Return the cut with the largest stable removal rate of every line of lobes, a row each."""
     depth = safe_depth(lobes).transpose(*OUTER, "spindle_speed")
-    speed, settings = lobes["spindle_speed"].values, lobes.attrs["settings"]
+    speed, machine = lobes["spindle_speed"].values, lobes.attrs["settings"]["machine"]
     limit = stability_limit(lobes).transpose(*OUTER, "spindle_speed").values
     rows = []
     for place in np.ndindex(*depth.shape[:-1]):
-        rate = removal_rate(settings, speed, depth.values[place])
+        rate = removal_rate(machine, speed, depth.values[place])
         if np.isnan(rate).all():
             continue
         best = int(np.nanargmax(rate))

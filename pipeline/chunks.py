@@ -13,15 +13,15 @@ PIECE_CELLS, PIECE_CHUNKS = 1_000_000, 1000
 
 @dataclass(frozen=True, kw_only=True, order=True)
 class Chunk:
-    """Place of a chunk: indices of the outer dimensions and the range of speeds."""
+    """Place of a chunk: indices of the outer dimensions, and the range of entries along the one it is a block of."""
 
-    outer: tuple[int, int, int]
+    outer: tuple[int, ...]
     first: int
     last: int
 
     @property
     def region(self) -> tuple[Any, ...]:
-        """Index of the chunk in a variable; dimensions behind the speed are taken whole."""
+        """Index of the chunk in a variable; dimensions behind are taken whole."""
         return (*self.outer, slice(self.first, self.last))
 
 
@@ -29,21 +29,22 @@ class Chunk:
 class Chunks:
     """Every chunk of a store, in the order in which they are computed.
 
-    outer: sizes of the dimensions before the speed; speeds and depths: how many there are; block: speeds of a chunk.
+    outer: sizes of the dimensions before the one that chunks are blocks of; entries: how many there are along that one;
+    each: cells of an entry; block: entries of a chunk.
     """
 
-    outer: tuple[int, int, int]
-    speeds: int
-    depths: int
+    outer: tuple[int, ...]
+    entries: int
+    each: int
     block: int
 
     @property
     def of_a_line(self) -> int:
         """Chunks of one place in the outer dimensions."""
-        return -(-self.speeds // self.block)
+        return -(-self.entries // self.block)
 
     @property
-    def shape(self) -> tuple[int, int, int, int]:
+    def shape(self) -> tuple[int, ...]:
         """Number of chunks along each dimension."""
         return (*self.outer, self.of_a_line)
 
@@ -60,15 +61,15 @@ class Chunks:
     @property
     def all_cells(self) -> int:
         """Cells of all chunks together."""
-        return prod(self.outer) * self.speeds * self.depths
+        return prod(self.outer) * self.entries * self.each
 
     def cells(self, chunk: Chunk) -> int:
         """Return how many cells a chunk has."""
-        return (chunk.last - chunk.first) * self.depths
+        return (chunk.last - chunk.first) * self.each
 
     def pieces(self) -> Iterator[tuple[slice, Chunk]]:
         """Yield neighbouring chunks of a line, read at once as if they were one, with their numbers."""
-        most = max(1, min(PIECE_CHUNKS, PIECE_CELLS // (self.block * self.depths)))
+        most = max(1, min(PIECE_CHUNKS, PIECE_CELLS // (self.block * self.each)))
         for line in range(prod(self.outer)):
             for first in range(0, self.of_a_line, most):
                 last = min(first + most, self.of_a_line)
@@ -77,5 +78,5 @@ class Chunks:
 
     def _between(self, line: int, first: int, last: int) -> Chunk:
         """Return the chunks from one block of a line to before another, as one."""
-        i, j, k = (int(index) for index in np.unravel_index(line, self.outer))
-        return Chunk(outer=(i, j, k), first=first * self.block, last=min(last * self.block, self.speeds))
+        outer = tuple(int(index) for index in np.unravel_index(line, self.outer)) if self.outer else ()
+        return Chunk(outer=outer, first=first * self.block, last=min(last * self.block, self.entries))

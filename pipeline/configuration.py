@@ -4,10 +4,13 @@ Hydra composes the configs that are shipped; nothing of it is ever instantiated.
 looks like a path replaces the machine's parts by the content of that file.
 """
 
+import json
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, TypeVar, overload
 
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
@@ -18,13 +21,17 @@ from chatter_core.effects import effect_names, own_effects
 from chatter_core.errors import InvalidInput
 from chatter_core.reading import load_value, load_yaml, nearest, sentences, shown
 from pipeline.keys import put
-from pipeline.settings import Settings
+from pipeline.settings import Settings, Study
+
+Composed = TypeVar("Composed", bound=Study)
 
 CONFIGS = Path(next(iter(configs.__path__)))
 #: Parts of a machine, each a key at the root of the config and in a machine.yaml.
 MACHINE_KEYS = ("bearing", "spindle", "tip", "tool", "cutting", "process")
 #: Folder with the configured values of every effect: no group, since effects add up.
 EFFECTS = "effects"
+#: Parts of the config that one kind of study has alone, and the verb that computes it.
+PARTS_OF_KINDS = {"grid": "sweep", "design": "dataset"}
 #: Option that names a folder with effects of the user's own. No yaml can: what it names is run.
 EFFECTS_PATH = "effects_path"
 #: Base models by name, and where they take the bearings' stiffness.
@@ -89,12 +96,29 @@ def sort_words(words: list[str], options: tuple[str, ...]) -> Words:
     return Words(options=found, choices=choices, values=values, machine_file=machine_file)
 
 
-def compose_settings(words: Words) -> Settings:
-    """Compose and validate the settings.
+@overload
+def compose_settings(words: Words) -> Settings: ...
 
-    Raises InvalidInput with every finding at once, each naming the key as it is written.
+
+@overload
+def compose_settings(
+    words: Words, kind: type[Composed], changes: Mapping[str, Any] = ..., change: Callable[[dict[str, Any]], None] = ...
+) -> Composed: ...
+
+
+def compose_settings(
+    words: Words,
+    kind: type[Study] = Settings,
+    changes: Mapping[str, Any] = MappingProxyType({}),
+    change: Callable[[dict[str, Any]], None] = lambda data: None,
+) -> Study:
+    """Compose and validate the settings of a kind of study.
+
+    changes: parts in the place of shipped ones; change: what else is changed in the composed data, before the values of
+    the command line are put in. Raises InvalidInput with every finding at once, each naming the key as it is written.
     """
-    data = _compose(words)
+    data = {**_compose(words), **changes}
+    data = _of_kind(data, words, kind)
     if words.machine_file is not None:
         # A part that is chosen by name stays chosen.
         data = {key: value for key, value in data.items() if key not in MACHINE_KEYS or key in words.choices}
@@ -105,28 +129,45 @@ def compose_settings(words: Words) -> Settings:
                 [f"{words.machine_file}: {key}: unknown key; {nearest(key, list(MACHINE_KEYS))}" for key in foreign]
             )
         data |= {key: value for key, value in described.items() if key not in words.choices}
-    if words.name_the_preload:
+    change(data)
+    if words.name_the_preload and "grid" in data:
         # It takes the place of a shipped grid's list, which would hide it.
         data["grid"].pop("preload_n", None)
     own = Path(words.options[EFFECTS_PATH]).resolve() if EFFECTS_PATH in words.options else None
-    named = named_effects(words.options.get(EFFECTS, "[]"), own)
+    said = words.options.get(EFFECTS, json.dumps(data.get(EFFECTS) or []))
+    named = named_effects(said, own)
     data[EFFECTS] = {name: configured_values(name, own) for name in named}
     data[EFFECTS_PATH] = own
     data = _with_values(data, words.values)
     off = [name for name in data[EFFECTS] if name not in named]
     if off:
         raise InvalidInput([f"effects.{name}: the effect is not on; say effects=[{name}]" for name in off])
-    roots = [*MACHINE_KEYS, *(key for key in Settings.model_fields if key != "machine")]
+    roots = [*MACHINE_KEYS, *(key for key in kind.model_fields if key != "machine")]
     problems = [f"{key}: unknown key; {nearest(key, roots)}" for key in data if key not in roots]
     machine = {key: data[key] for key in MACHINE_KEYS if data.get(key) is not None}
-    rest = {key: data[key] for key in Settings.model_fields if key in data}
+    rest = {key: data[key] for key in kind.model_fields if key in data}
     try:
-        settings = Settings.model_validate({**rest, "machine": machine})
+        settings = kind.model_validate({**rest, "machine": machine})
     except ValidationError as error:
-        problems += [_as_written(sentence, words.machine_file) for sentence in sentences(error, Settings)]
+        problems += [_as_written(sentence, words.machine_file) for sentence in sentences(error, kind)]
     if problems:
         raise InvalidInput(problems)
     return settings
+
+
+def _of_kind(data: dict[str, Any], words: Words, kind: type[Study]) -> dict[str, Any]:
+    """Return composed data without what another kind of study has; raise InvalidInput where that was asked for."""
+    foreign = [key for key in PARTS_OF_KINDS if key not in kind.model_fields]
+    asked = [word for word in (*words.choices, *words.values) if word.partition(".")[0].partition("=")[0] in foreign]
+    problems = [f"{word}: not for this verb" for word in asked]
+    for key, verb in PARTS_OF_KINDS.items():
+        if key in kind.model_fields and data.get(key) is None:
+            problems.append(f"{key}: missing; study {data['study']} has none")
+        elif key not in kind.model_fields and key == "design" and data.get(key) is not None:
+            problems.append(f"study {data['study']} is a data set; compute it with: python -m pipeline {verb}")
+    if problems:
+        raise InvalidInput(problems)
+    return {key: value for key, value in data.items() if key not in foreign}
 
 
 def configured_values(name: str, own: Path | None = None) -> dict[str, Any]:

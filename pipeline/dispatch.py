@@ -30,9 +30,18 @@ TOLD = {
 
 
 class Stopping:
-    """Remembers that a signal asked for the end; a second one ends at once."""
+    """Remembers that a signal asked for the end; a second one ends at once. So does time that was given, when it is up.
+
+    number: of the signal, 0 without one; deadline: on the monotonic clock [s], none without one.
+    """
 
     number: int = 0
+    deadline: float | None = None
+
+    @property
+    def asked(self) -> bool:
+        """Whether nothing more is to be begun."""
+        return bool(self.number) or (self.deadline is not None and time.monotonic() > self.deadline)
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Handle a signal."""
@@ -64,7 +73,7 @@ def dispatched(tasks: Iterable[Task], client: Client | None, stopping: Stopping,
         yield from _distributed(tasks, client, stopping, Workers(client, patience))
         return
     for task in tasks:
-        if stopping.number:
+        if stopping.asked:
             return
         yield compute_chunk(task)
 
@@ -80,7 +89,7 @@ def _distributed(tasks: Iterable[Task], client: Client, stopping: Stopping, work
     owner: dict[str, Task] = {}
 
     def hand_out() -> None:
-        while not stopping.number and len(owner) < workers.count * (1 + WINDOW):
+        while not stopping.asked and len(owner) < workers.count * (1 + WINDOW):
             task = next(waiting, None)
             if task is None:
                 return
@@ -90,7 +99,7 @@ def _distributed(tasks: Iterable[Task], client: Client, stopping: Stopping, work
 
     hand_out()
     while owner:
-        if workers.look() and stopping.number:
+        if workers.look() and stopping.asked:
             _take_back(running, client)
         if not running.has_ready():
             time.sleep(POLL)
@@ -105,7 +114,7 @@ def _distributed(tasks: Iterable[Task], client: Client, stopping: Stopping, work
                     yield record
         hand_out()
     for task in suspects:
-        if not stopping.number:
+        if not stopping.asked:
             record = _speed_by_speed(task, client, stopping, workers)
             if record is not None:
                 yield record
@@ -136,7 +145,7 @@ def _speed_by_speed(task: Task, client: Client, stopping: Stopping, workers: Wor
     """
     chunk, counts, errors, seconds = task.chunk, dict[str, int](), list[str](), 0.0
     for speed in range(chunk.first, chunk.last):
-        if stopping.number:
+        if stopping.asked:
             return None
         record = _alone(replace(task, chunk=replace(chunk, first=speed, last=speed + 1)), client, workers)
         for name, count in record.counts.items():

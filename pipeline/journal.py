@@ -3,7 +3,7 @@
 import json
 import os
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,8 @@ from typing import Any
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS, WITH_RESULT
 from pipeline import store
+from pipeline.kinds import kind_of
+from pipeline.places import Place
 from pipeline.store import now
 from pipeline.study_place import study_place
 
@@ -57,7 +59,7 @@ def run(words: list[str]) -> int:
     path = place.make_output() / FILE
     if not path.exists():
         raise InvalidInput([f"{path}: there is no journal; it is written where a study is computed"])
-    print("\n".join(sentences(*read(path), axes(store.open_lobes(place)))))
+    print("\n".join(sentences(*read(path), _places(place))))
     return 0
 
 
@@ -89,23 +91,28 @@ def _event(line: str) -> Event | None:
         return None
 
 
-def axes(lobes: Any) -> dict[str, list[Any]]:
-    """Return the values of the dimensions that a chunk is told by."""
-    names = ("modal_parameters", "preload", "mode_count", "spindle_speed")
-    with lobes:
-        return {name: lobes[name].values.tolist() for name in names}
+def _places(place: Place) -> Callable[[Event], str]:
+    """Return what tells which chunk an event is of."""
+    kind, group = kind_of(place), store.open_group(place)
+    values = {name: store.whole(group, name).tolist() for name in kind.told_by}
+
+    def told(event: Event) -> str:
+        first, last = event[f"{kind.entry}s"]
+        return f"chunk {kind.told(values, tuple(event['outer']), first, last)}"
+
+    return told
 
 
-def sentences(events: Iterable[Event], torn: int, values: dict[str, list[Any]]) -> Iterator[str]:
+def sentences(events: Iterable[Event], torn: int, place: Callable[[Event], str]) -> Iterator[str]:
     """Yield a line for every event, one for all chunks in a row in which nothing failed.
 
-    torn: lines of the journal that could not be read; values: of the dimensions, for chunks are told by their place.
+    torn: lines of the journal that could not be read; place: tells which chunk an event is of.
     """
     for plain, group in groupby(events, key=_is_plain_chunk):
         if plain:
             yield _told_together(group)
         else:
-            yield from (f"{_clock(event)}  {_told(event, values)}" for event in group)
+            yield from (f"{_clock(event)}  {_told(event, place)}" for event in group)
     if torn:
         yield f"lines that could not be read: {torn}; a run was killed while it wrote"
 
@@ -128,7 +135,7 @@ def _clock(event: Event) -> str:
     return str(event["time"])[:19].replace("T", " ")
 
 
-def _told(event: Event, values: dict[str, list[Any]]) -> str:
+def _told(event: Event, place: Callable[[Event], str]) -> str:
     """Return an event as a sentence."""
     kind = event["event"]
     if kind == "start":
@@ -141,15 +148,4 @@ def _told(event: Event, values: dict[str, list[Any]]) -> str:
     if kind == "end":
         return f"ended: {counts}"
     why = "".join(f"\n    {error.splitlines()[-1][:TOLD_ERROR]}" for error in event.get("errors", []))
-    return f"{_place(event, values)}: {counts}{why}"
-
-
-def _place(event: Event, values: dict[str, list[Any]]) -> str:
-    """Return which chunk an event tells of."""
-    parameters, preload, modes = (
-        values[name][index]
-        for name, index in zip(("modal_parameters", "preload", "mode_count"), event["outer"], strict=True)
-    )
-    first, last = event["speeds"]
-    begin, end = values["spindle_speed"][first], values["spindle_speed"][last - 1]
-    return f"chunk {parameters}, {preload:g} N, {modes} mode{'s' if modes > 1 else ''}, {begin:g} to {end:g} rpm"
+    return f"{place(event)}: {counts}{why}"

@@ -9,27 +9,30 @@ import zlib
 from typing import Any
 
 from pipeline.errors import StoreUnavailable
-from pipeline.places import LOBES, Place
+from pipeline.places import Place
 
 #: Name of a document in a store, of the attribute that seals the root's, and of its copy beside the store.
 DOCUMENT, SEAL, COPY = "zarr.json", "checksum", "metadata.json"
-#: The root document of a study's store.
-ROOT = f"{LOBES}/{DOCUMENT}"
+
+
+def root_of(place: Place) -> str:
+    """Return the key of the root document of a study's store."""
+    return f"{place.root}/{DOCUMENT}"
 
 
 def attributes(place: Place) -> dict[str, Any]:
     """Return the attributes of a store as they are in its place."""
-    found: dict[str, Any] = json.loads(place.read(ROOT))["attributes"]
+    found: dict[str, Any] = json.loads(place.read(root_of(place)))["attributes"]
     return found
 
 
 def update(place: Place, **changes: Any) -> None:
     """Change attributes of a store, and seal it."""
-    document = json.loads(place.read(ROOT))
+    document = json.loads(place.read(root_of(place)))
     document["attributes"] |= changes
     sealed = _sealed(document)
     # The copy comes second: a run that is killed between leaves an older one, which its seal shows to be whole.
-    for key in (ROOT, COPY):
+    for key in (root_of(place), COPY):
         place.write(key, sealed)
 
 
@@ -47,7 +50,7 @@ def reseal(place: Place, name: str, **changes: Any) -> None:
 
 def refresh_copy(place: Place) -> None:
     """Make the copy beside a store what the root is, after a run that was killed between the two."""
-    root = place.read(ROOT)
+    root = place.read(root_of(place))
     if _intact(root) is not None and _read(place, COPY) != root:
         place.write(COPY, root)
 
@@ -59,11 +62,11 @@ def copy_is_whole(place: Place) -> bool:
 
 def problems(place: Place) -> dict[str, str]:
     """Return what is wrong with the documents of a store, by their place in it; nothing when all is well."""
-    root = _intact(_read(place, ROOT))
+    root = _intact(_read(place, root_of(place)))
     if root is None:
         return {DOCUMENT: "does not bear its checksum"}
     described = _described(root)
-    texts = place.each(lambda name: _read(place, f"{LOBES}/{name}/{DOCUMENT}"), described)
+    texts = place.each(lambda name: _read(place, f"{place.root}/{name}/{DOCUMENT}"), described)
     return {
         f"{name}/{DOCUMENT}": "is not as the root describes it"
         for name, text in zip(described, texts, strict=True)
@@ -77,13 +80,13 @@ def restore(place: Place) -> list[str]:
     if DOCUMENT in found:
         copy = _intact(_read(place, COPY))
         if copy is None:
-            return [f"{place.where(ROOT)} is damaged, and so is its copy {place.where(COPY)}"]
-        place.write(ROOT, _text(copy))
+            return [f"{place.where(root_of(place))} is damaged, and so is its copy {place.where(COPY)}"]
+        place.write(root_of(place), _text(copy))
         found = problems(place)
-    root = _intact(_read(place, ROOT))
+    root = _intact(_read(place, root_of(place)))
     assert root is not None
     for document in found:
-        place.write(f"{LOBES}/{document}", _text(_described(root)[document.partition("/")[0]]))
+        place.write(f"{place.root}/{document}", _text(_described(root)[document.partition("/")[0]]))
     return []
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS
 from pipeline import metadata, store, survey
-from pipeline.places import LOBES, Folder
+from pipeline.places import Folder
 from pipeline.places.folder import PACKING
 from pipeline.progress import Meter
 from pipeline.study_place import study_place
@@ -27,7 +27,7 @@ def run(words: list[str]) -> int:
         )
     with place.held():
         before, after = pack(place)
-    print(f"{place.where(LOBES)}: {before} files, now {after}")
+    print(f"{place.where(place.root)}: {before} files, now {after}")
     return 0
 
 
@@ -36,17 +36,18 @@ def pack(place: Folder) -> tuple[int, int]:
 
     Raises InvalidInput for a store that is not finished, or damaged.
     """
-    path, packing = place.output / LOBES, place.output / PACKING
+    path, packing = place.output / place.root, place.output / PACKING
     group = store.check(place)
+    chunked = {*store.kind_in(group).chunked, "status"}
     files = _files(path)
     if store.is_packed(group):
         return files, files
     _require_finished(place)
     shutil.rmtree(packing, ignore_errors=True)
     # Without the chunk files: what stands in single pieces is taken as it is.
-    shutil.copytree(path, packing, ignore=lambda folder, names: [n for n in names if _is_of_chunks(path, folder, n)])
-    with Meter(len(store.CHUNKED), 0, "variables") as meter:
-        for name in store.CHUNKED:
+    shutil.copytree(path, packing, ignore=lambda folder, names: _of_chunks(path, folder, names, chunked))
+    with Meter(len(chunked), 0, "variables") as meter:
+        for name in chunked:
             _pack_variable(group, packing, name)
             meter.advance(1)
     metadata.reseal(place, PACKING, packed=store.now())
@@ -73,7 +74,7 @@ def shard_shape(shape: tuple[int, ...], chunks: tuple[int, ...], item: int) -> t
 
 
 def _require_finished(place: Folder) -> None:
-    where = place.where(LOBES)
+    where = place.where(place.root)
     damaged = sum(len(found) for _, found in survey.damaged(place))
     if damaged:
         first = f"python -m pipeline verify {place.option} repair=true"
@@ -97,8 +98,10 @@ def _pack_variable(group: store.Group, packing: Path, name: str) -> None:
             raise OSError(0, "does not read back as it was written", str(packing / name))
 
 
-def _is_of_chunks(path: Path, folder: str, name: str) -> bool:
-    return name.partition(".")[0] == "c" and Path(folder).parent == path and Path(folder).name in store.CHUNKED
+def _of_chunks(path: Path, folder: str, names: list[str], chunked: set[str]) -> list[str]:
+    """Return which of the names in a folder are of files that are written chunk by chunk."""
+    of_variable = Path(folder).parent == path and Path(folder).name in chunked
+    return [name for name in names if of_variable and name.partition(".")[0] == "c"]
 
 
 def _files(path: Path) -> int:

@@ -2,10 +2,33 @@
 
 import base64
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, select_autoescape
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageTable:
+    """Table on a page."""
+
+    title: str
+    columns: list[str]
+    rows: list[list[str]]
+
+
+def provenance(attributes: Mapping[str, Any], verb: str) -> list[tuple[str, str]]:
+    """Return where a store comes from, as a page tells it; verb: that computed it."""
+    versions = ", ".join(f"{name} {number}" for name, number in attributes["versions"].items())
+    return [
+        ("fingerprint", attributes["fingerprint"]),
+        ("command", f"python -m pipeline {verb} " + " ".join(attributes["command"])),
+        ("code", attributes["code"]),
+        ("versions", versions),
+        ("platform", attributes["platform"]),
+        *((f"run {i}", line) for i, line in enumerate(attributes["history"], start=1)),
+    ]
 
 
 def write(page: Path, template: str, **values: Any) -> None:

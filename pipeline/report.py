@@ -2,7 +2,6 @@
 
 import json
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,9 @@ from chatter_core.variables import STATUS, WITH_RESULT
 from pipeline import figures, page, store, survey, tables
 from pipeline.best_cuts import DEPTH_MARGIN, SPEED_MARGIN, best_cuts
 from pipeline.chunks import Chunks
+from pipeline.kinds import kind_of
 from pipeline.lobes import crossover_speeds, dominance, most_misjudged, stability_limit
+from pipeline.page import PageTable, provenance
 from pipeline.places import LOBES, Place
 from pipeline.plots import embed
 from pipeline.study_place import study_place
@@ -48,19 +49,10 @@ MOST_LINES, MOST_CELLS = 50_000, 4_000_000
 DOWNLOADS = 600_000
 
 
-@dataclass(frozen=True, kw_only=True)
-class PageTable:
-    """Table on the page."""
-
-    title: str
-    columns: list[str]
-    rows: list[list[str]]
-
-
 def run(words: list[str]) -> int:
     """Write the report of a folder again; return the exit code."""
     place, _ = study_place(words, "report")
-    for file in write(place):
+    for file in kind_of(place).report(place):
         print(f"written: {file}")
     return 0
 
@@ -91,7 +83,7 @@ def write(place: Place) -> list[Path]:
 
 def _step(every: Chunks) -> int:
     """Return that every so manieth speed is shown, 1 for all: what a report holds is limited, however large a study."""
-    lines, cells = every.all_cells // every.depths, every.all_cells
+    lines, cells = every.all_cells // every.each, every.all_cells
     return max(1, -(-lines // MOST_LINES), -(-cells // MOST_CELLS))
 
 
@@ -129,7 +121,7 @@ def _page(
         downloads=page.downloads(short),
         beside=[path.name for path in written if path not in short],
         opening=opening,
-        provenance=_provenance(attributes),
+        provenance=provenance(attributes, "sweep"),
         settings=json.dumps(attributes["settings"], indent=1),
     )
 
@@ -233,15 +225,3 @@ def _cell(value: Any) -> str:
     if isinstance(value, str):
         return value
     return "above the grid" if np.isnan(value) else f"{float(value):.5g}"
-
-
-def _provenance(attributes: dict[str, Any]) -> list[tuple[str, str]]:
-    versions = ", ".join(f"{name} {number}" for name, number in attributes["versions"].items())
-    return [
-        ("fingerprint", attributes["fingerprint"]),
-        ("command", "python -m pipeline sweep " + " ".join(attributes["command"])),
-        ("code", attributes["code"]),
-        ("versions", versions),
-        ("platform", attributes["platform"]),
-        *((f"run {i}", line) for i, line in enumerate(attributes["history"], start=1)),
-    ]

@@ -1,10 +1,11 @@
-"""The Zarr store of a sweep: template, chunks, completion, provenance.
+"""The Zarr store of a study: template, chunks, completion, provenance.
 
-One task owns exactly one chunk of every variable: one modal-parameter choice, one preload, one mode
-count, a block of speeds, all depths. Its status is written last, so a chunk is complete when its
-status has no zero left; a chunk equal to the fill value is never written, hence status 0 is pending.
+One task owns exactly one chunk of every variable: a block of entries along one dimension, one entry of those before it,
+all of those behind. Its status is written last, so a chunk is complete when its status has no zero left; a chunk equal
+to the fill value is never written, hence status 0 is pending.
 """
 
+import math
 import platform
 import subprocess
 import sys
@@ -22,71 +23,43 @@ import zarr
 from zarr.codecs import Crc32cCodec, ZstdCodec
 from zarr.errors import ZarrUserWarning
 
-from chatter_core.chain import structure_variables
 from chatter_core.errors import InvalidInput
-from chatter_core.lobes import CROSSINGS, LobeBlock
-from chatter_core.tip import AXES
 from chatter_core.units import SUFFIXES
-from chatter_core.variables import CELL_STATUS, STRUCTURE, SWEEP, Variable
+from chatter_core.variables import Variable
 from pipeline import metadata
 from pipeline.chunks import Chunk, Chunks
-from pipeline.places import LOBES, Place
-from pipeline.settings import Settings
+from pipeline.kinds import KINDS, Computed, Kind, kind_of
+from pipeline.places import Place
+from pipeline.settings import Study
 
-#: Variables that are written chunk by chunk.
-CHUNKED = (*SWEEP, "status")
 #: What the functions here take that read.
 Group = zarr.Group
-OUTER = 3  # dimensions before the speed: modal parameters, preload, mode count
 #: Between the indices in the name of a chunk's file. With folders in their place there would be nearly as many of
 #: them as files, each as costly; stores that were made so are read and continued as they are.
 SEPARATOR = "."
-COORDINATES = {
-    "modal_parameters": ("", "bearings at the spindle's speed (dynamic) or at standstill (static)"),
-    "preload": ("n", "axial preload on every single bearing"),
-    "mode_count": ("", "modes kept on each axis: up to this number, or this one alone (settings, grid.mode_selection)"),
-    "spindle_speed": ("rpm", "spindle speed"),
-    "axial_depth": ("mm", "axial depth of cut"),
-    "crossing": ("", "crossing of the boundary, from the shallowest: stability is lost at odd, regained at even ones"),
-    "mode": ("", "number of the mode on its axis, by frequency at standstill"),
-    "axis": ("", "direction; x is the feed direction"),
-}
 
 
-def coordinates(settings: Settings) -> dict[str, np.ndarray]:
-    """Return the values of every dimension, in the units of the border."""
-    counts = settings.grid.mode_count.points().astype(int)
-    return {
-        "modal_parameters": np.array(settings.grid.modal_parameters, dtype=np.dtypes.StringDType()),
-        "preload": settings.preloads,
-        "mode_count": counts,
-        "spindle_speed": settings.grid.spindle_speed_rpm.points(),
-        "axial_depth": settings.grid.axial_depth_mm.points(),
-        "crossing": np.arange(1, CROSSINGS + 1),
-        "mode": np.arange(1, counts[-1] + 1),
-        "axis": np.array(AXES, dtype=np.dtypes.StringDType()),
-    }
+def create(place: Place, settings: Study, argv: list[str]) -> None:
+    """Write the template of a store, with what is known before its chunks, and provenance.
 
-
-def create(place: Place, settings: Settings, argv: list[str]) -> None:
-    """Write the template of a store, with coordinates, structure and provenance.
-
-    Raises InvalidInput when the machine cannot give what the grid asks for.
+    Raises InvalidInput when the machine cannot give what is asked for.
     """
-    values = coordinates(settings)
-    # The structure comes first: what it refuses must not leave a store behind.
-    structure = _structure(settings, values)
+    kind = kind_of(place)
+    # This comes first: what it refuses must not leave a store behind.
+    values, wholes, more = kind.written_whole(settings)
     group = zarr.create_group(place.store(), overwrite=True)
     for name, points in values.items():
-        suffix, doc = COORDINATES[name]
+        suffix, doc = kind.coordinates[name]
         array = _array(group, name, (name,), points.shape, points.shape, points.dtype, _attributes(suffix, doc))
         write_whole(array, points)
-    for name, variable in STRUCTURE.items():
-        write_whole(_variable(group, name, variable, values, whole=True), structure[name])
-    depths = len(values["axial_depth"])
-    block = max(1, min(len(values["spindle_speed"]), settings.cluster.cells_per_task // depths))
-    for name, variable in {**SWEEP, "status": CELL_STATUS}.items():
-        _variable(group, name, variable, values, whole=False, block=block)
+    for name, variable in kind.wholes.items():
+        shape = _shape(variable, values)
+        write_whole(_variable(group, name, variable, shape, shape), wholes[name])
+    block = _block(kind, settings, values)
+    for name, variable in {**kind.chunked, "status": kind.status}.items():
+        shape = _shape(variable, values)
+        before = variable.dims.index(kind.along)
+        _variable(group, name, variable, shape, (*(1,) * before, block, *shape[before + 1 :]))
     with warnings.catch_warnings():
         # Not yet in Zarr's specification, but what xarray looks for first, and a copy of what the arrays say.
         warnings.simplefilter("ignore", ZarrUserWarning)
@@ -95,16 +68,25 @@ def create(place: Place, settings: Settings, argv: list[str]) -> None:
         place,
         **{
             "Conventions": "CF-1.11",
-            "title": f"Stability lobes of study {settings.study}",
+            "title": kind.title(settings),
             "study": settings.study,
+            "kind": kind.name,
             "fingerprint": settings.fingerprint(),
             "settings": settings.scientific(),
-            "speeds_per_chunk": block,
+            "entries_per_chunk": block,
             "history": [],
             "complete": False,
+            **more,
             **provenance(argv),
         },
     )
+
+
+def _block(kind: Kind, settings: Study, values: dict[str, np.ndarray]) -> int:
+    """Return how many entries a chunk has."""
+    shape = _shape(kind.status, values)
+    cells = math.prod(shape[kind.outer + 1 :])
+    return max(1, min(shape[kind.outer], settings.cluster.cells_per_task // cells))
 
 
 def write_whole(array: zarr.Array[Any], values: np.ndarray) -> None:
@@ -112,33 +94,17 @@ def write_whole(array: zarr.Array[Any], values: np.ndarray) -> None:
     array.with_config({"write_empty_chunks": True})[...] = values
 
 
-def _structure(settings: Settings, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return every structure variable over its whole extent, in the units of the border."""
-    speed = values["spindle_speed"] * SUFFIXES["rpm"][0]
-    arrays = {
-        name: np.empty([len(values[dim]) for dim in variable.dims], dtype=variable.dtype)
-        for name, variable in STRUCTURE.items()
-    }
-    for i, parameters in enumerate(settings.grid.modal_parameters):
-        for j, preload in enumerate(values["preload"]):
-            machine = settings.machine.with_preload(float(preload)) if settings.machine.spindle else settings.machine
-            found = structure_variables(
-                settings.model(machine), speed, mode_count=int(values["mode_count"][-1]), modal_parameters=parameters
-            )
-            for name, array in found.items():
-                arrays[name][i, j] = array / STRUCTURE[name].si_factor
-    return arrays
-
-
 def _attributes(suffix: str, doc: str) -> dict[str, Any]:
     return {"long_name": doc, **({"units": SUFFIXES[suffix][1]} if suffix else {})}
 
 
+def _shape(variable: Variable, values: dict[str, np.ndarray]) -> tuple[int, ...]:
+    return tuple(len(values[dim]) for dim in variable.dims)
+
+
 def _variable(
-    group: zarr.Group, name: str, variable: Variable, values: dict[str, np.ndarray], *, whole: bool, block: int = 0
+    group: zarr.Group, name: str, variable: Variable, shape: tuple[int, ...], chunks: tuple[int, ...]
 ) -> zarr.Array[Any]:
-    shape = tuple(len(values[dim]) for dim in variable.dims)
-    chunks = shape if whole else (*(1,) * OUTER, block, *shape[OUTER + 1 :])
     attributes = {"long_name": variable.doc, "units": variable.unit}
     return _array(group, name, variable.dims, shape, chunks, np.dtype(variable.dtype), attributes)
 
@@ -166,29 +132,35 @@ def _array(
     )
 
 
+def kind_in(group: zarr.Group) -> Kind:
+    """Return the kind of study that a store is of."""
+    return KINDS[str(group.attrs["kind"])]
+
+
 def chunks(group: zarr.Group) -> Chunks:
     """Return every chunk of a store."""
-    modal_parameters, preloads, mode_counts, speeds, depths = array_of(group, "status").shape
-    block = int(str(group.attrs["speeds_per_chunk"]))
-    return Chunks(outer=(modal_parameters, preloads, mode_counts), speeds=speeds, depths=depths, block=block)
+    shape, outer = array_of(group, "status").shape, kind_in(group).outer
+    block = int(str(group.attrs["entries_per_chunk"]))
+    return Chunks(outer=shape[:outer], entries=shape[outer], each=math.prod(shape[outer + 1 :]), block=block)
 
 
 def status_of(group: zarr.Group, chunk: Chunk) -> np.ndarray:
-    """Return the status of a chunk's cells (speed, depth)."""
+    """Return the status of a chunk's cells (entry, ...)."""
     return np.asarray(array_of(group, "status")[chunk.region])
 
 
 def readable_status(group: zarr.Group, chunk: Chunk) -> np.ndarray:
-    """Return the status of a chunk's cells (speed, depth), pending where it cannot be read."""
+    """Return the status of a chunk's cells (entry, ...), pending where it cannot be read."""
     try:
         return status_of(group, chunk)
     except (ValueError, RuntimeError):  # checksum, decompression
-        return np.zeros((chunk.last - chunk.first, array_of(group, "status").shape[-1]), dtype=np.uint8)
+        behind = array_of(group, "status").shape[kind_in(group).outer + 1 :]
+        return np.zeros((chunk.last - chunk.first, *behind), dtype=np.uint8)
 
 
 def written_at(place: Place) -> np.ndarray:
     """Return when each chunk was written that is complete or marked (chunk,), ascending [s since 1970]."""
-    found = (when for key, when in place.written(f"{LOBES}/status") if not key.endswith(metadata.DOCUMENT))
+    found = (when for key, when in place.written(f"{place.root}/status") if not key.endswith(metadata.DOCUMENT))
     return np.sort(np.fromiter(found, dtype=float))
 
 
@@ -198,25 +170,25 @@ def open_group(place: Place) -> zarr.Group:
     return zarr.open_group(place.store(), mode="r+")
 
 
-def write_chunk(place: Place, chunk: Chunk, block: LobeBlock) -> None:
+def write_chunk(place: Place, chunk: Chunk, computed: Computed) -> None:
     """Write every variable of a chunk, its status last."""
-    arrays = _arrays(place)
+    arrays, variables = _arrays(place), kind_of(place).chunked
 
     def write(name: str) -> None:
-        variable, values = SWEEP[name], getattr(block, name)
+        variable, values = variables[name], computed.arrays[name]
         arrays[name][chunk.region] = values / variable.si_factor if variable.suffix else values
 
-    for _ in place.each(write, SWEEP):
+    for _ in place.each(write, variables):
         pass
-    arrays["status"][chunk.region] = block.status
+    arrays["status"][chunk.region] = computed.status
 
 
 @lru_cache(maxsize=4)
 def _arrays(place: Place) -> dict[str, zarr.Array[Any]]:
-    """Return what is written chunk by chunk; once a process, since opening thirteen arrays costs as much as a chunk."""
+    """Return what is written chunk by chunk; once a process, since opening a dozen arrays costs as much as a chunk."""
     group = open_group(place)
     # Written even where it is empty (a speed without a limit depth), so that a lost file is noticed.
-    arrays = {name: array_of(group, name).with_config({"write_empty_chunks": True}) for name in SWEEP}
+    arrays = {name: array_of(group, name).with_config({"write_empty_chunks": True}) for name in kind_of(place).chunked}
     return {**arrays, "status": array_of(group, "status")}
 
 
@@ -232,18 +204,20 @@ def mark_chunk(place: Place, chunk: Chunk, code: int) -> None:
 
 
 def check(place: Place) -> zarr.Group:
-    """Open a store for reading and return it, when it has every array and attribute that a sweep gives it.
+    """Open a store for reading and return it, when it has every array and attribute that its kind gives it.
 
     Raises InvalidInput, naming what is missing or damaged.
     """
     wrong = [f"{document} {why}" for document, why in metadata.problems(place).items()]
     if not wrong:
         group = zarr.open_group(place.store(), mode="r", use_consolidated=False)
-        wrong = [f"{name} is missing" for name in lost_wholes(place, COORDINATES)] or _unusable_parts(group)
+        wrong = [f"{name} is missing" for name in lost_wholes(place, kind_of(place).coordinates)] or _unusable_parts(
+            group
+        )
     if wrong:
         raise InvalidInput(
             [
-                f"{place.where(LOBES)}: the store is damaged beyond its chunks: {what}; restored by: "
+                f"{place.where(place.root)}: the store is damaged beyond its chunks: {what}; restored by: "
                 f"python -m pipeline verify {place.option} repair=true"
                 for what in wrong
             ]
@@ -253,8 +227,8 @@ def check(place: Place) -> zarr.Group:
 
 def _unusable_parts(group: zarr.Group) -> list[str]:
     """Return what is wrong with the arrays of a store that are not written chunk by chunk, and which are missing."""
-    unreadable, sizes = [], dict[str, int]()
-    for name in (*COORDINATES, *STRUCTURE):
+    kind, unreadable, sizes = kind_in(group), [], dict[str, int]()
+    for name in (*kind.coordinates, *kind.wholes):
         try:
             sizes[name] = len(whole(group, name))
         except ValueError as error:
@@ -263,7 +237,7 @@ def _unusable_parts(group: zarr.Group) -> list[str]:
         return unreadable
     return [
         f"variable {name} is missing or not as it was written"
-        for name, variable in {**SWEEP, "status": CELL_STATUS}.items()
+        for name, variable in {**kind.chunked, "status": kind.status}.items()
         if name not in group or array_of(group, name).shape != tuple(sizes[dim] for dim in variable.dims)
     ]
 
@@ -284,7 +258,7 @@ def lost_wholes(place: Place, names: Iterable[str]) -> list[str]:
 
 
 def _holds_values(place: Place, name: str) -> bool:
-    return any(not key.endswith(metadata.DOCUMENT) for key, _ in place.written(f"{LOBES}/{name}"))
+    return any(not key.endswith(metadata.DOCUMENT) for key, _ in place.written(f"{place.root}/{name}"))
 
 
 def array_of(group: zarr.Group, name: str) -> zarr.Array[Any]:
@@ -297,15 +271,15 @@ def array_of(group: zarr.Group, name: str) -> zarr.Array[Any]:
 def key_of(group: zarr.Group, chunk: Chunk, name: str) -> str:
     """Return the key under which a variable of a chunk is kept, that of its shard where the store is packed."""
     array = array_of(group, name)
-    first = (*chunk.outer, chunk.first, *(0 for _ in array.shape[OUTER + 1 :]))
+    first = (*chunk.outer, chunk.first, *(0 for _ in array.shape[len(chunk.outer) + 1 :]))
     place = tuple(index // step for index, step in zip(first, array.shards or array.chunks, strict=True))
-    return f"{LOBES}/{name}/{array.metadata.encode_chunk_key(place)}"
+    return f"{kind_in(group).name}/{name}/{array.metadata.encode_chunk_key(place)}"
 
 
 def unreadable_parts(group: zarr.Group, chunk: Chunk) -> list[str]:
     """Return the variables of a chunk that cannot be read back."""
     unreadable = []
-    for name in (*SWEEP, "status"):
+    for name in (*kind_in(group).chunked, "status"):
         try:
             array_of(group, name)[chunk.region]
         except (ValueError, RuntimeError):  # checksum, decompression
@@ -320,7 +294,8 @@ def is_packed(group: zarr.Group) -> bool:
 
 def create_packed(path: Path, name: str, source: zarr.Array[Any], shard: tuple[int, ...]) -> zarr.Array[Any]:
     """Return an empty array like another, in a store that is there, whose chunks stand in shards."""
-    return zarr.open_group(path, mode="r+", use_consolidated=False).create_array(
+    group = zarr.open_group(path, mode="r+", use_consolidated=False)
+    return group.create_array(
         name,
         shape=source.shape,
         chunks=source.chunks,
@@ -328,7 +303,7 @@ def create_packed(path: Path, name: str, source: zarr.Array[Any], shard: tuple[i
         dtype=source.dtype,
         fill_value=source.fill_value,
         compressors=[ZstdCodec(level=1), Crc32cCodec()],
-        dimension_names={**SWEEP, "status": CELL_STATUS}[name].dims,
+        dimension_names=kind_in(group).dimensions(name),
         attributes=source.attrs.asdict(),
         config={"write_empty_chunks": True},
     )

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from chatter_core.errors import InvalidInput
 from pipeline.configuration import sort_words
-from pipeline.places import LOBES, OPTIONS, Place, place_of
+from pipeline.places import OPTIONS, STORES, Place, place_of
 from pipeline.places.folder import UNPACKED
 
 
@@ -31,7 +31,9 @@ def study_place(
     if problems:
         raise InvalidInput(problems)
     place = place_of(found.options)
-    if not {LOBES, UNPACKED} & place.names():
+    if not {place.root, f"{UNPACKED}{place.root}"} & place.names():
         name, _, value = place.option.partition("=")
-        raise InvalidInput([f"{name}: {value} holds no {LOBES}; compute it with: python -m pipeline sweep"])
+        raise InvalidInput(
+            [f"{name}: {value} holds no {' or '.join(STORES)}; compute it with: python -m pipeline sweep (or dataset)"]
+        )
     return place, said

@@ -87,7 +87,7 @@ def _lobes(lobes: xr.Dataset, choices: Choices) -> figure:
                 "frequency": numbers(first["limit_chatter_frequency"]),
                 "mode": first["limit_dominant_mode"].values.astype(np.int8),
                 "how": [HOW_LOST[int(code)] for code in first["limit_bifurcation"].values],
-                "rate": numbers(removal_rate(settings, part["spindle_speed"].values, limit.values)),
+                "rate": numbers(removal_rate(settings["machine"], part["spindle_speed"].values, limit.values)),
             }
         source = choices.source(data, {"speed": speed})
         line = made.line("speed", "limit", source=source, line_width=2, color=colour, line_dash=DASHES[STYLE[name]])

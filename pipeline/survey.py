@@ -10,10 +10,10 @@ from functools import partial
 
 import numpy as np
 
-from chatter_core.variables import FAILED, STATUS, SWEEP, WITH_RESULT
+from chatter_core.variables import FAILED, STATUS, WITH_RESULT
 from pipeline import store
 from pipeline.chunks import Chunk, Chunks
-from pipeline.places import LOBES, Place
+from pipeline.places import Place
 
 #: Key of a chunk's file below its variable, with folders for its indices or without.
 _KEY = re.compile(r"c[./](\d+(?:[./]\d+)*)")
@@ -50,7 +50,7 @@ def pending(place: Place, retry_failed: bool) -> tuple[np.ndarray, np.ndarray]:
     group = store.open_group(place)
     every = store.chunks(group)
     whole = np.ones(len(every), dtype=bool)
-    for there in place.each(partial(written_chunks, place, group), SWEEP):
+    for there in place.each(partial(written_chunks, place, group), store.kind_in(group).chunked):
         whole &= there
     missing, counts = np.zeros(len(every), dtype=bool), np.zeros(len(STATUS), dtype=int)
     for numbers, tally in tallies(place):
@@ -71,7 +71,8 @@ def damaged(place: Place) -> Iterator[tuple[int, dict[Chunk, list[str]]]]:
     What is gone of a chunk with a result cannot be either.
     """
     group = store.open_group(place)
-    every, there = store.chunks(group), {name: written_chunks(place, group, name) for name in SWEEP}
+    every = store.chunks(group)
+    there = {name: written_chunks(place, group, name) for name in store.kind_in(group).chunked}
 
     def read(piece: tuple[slice, Chunk]) -> tuple[int, dict[Chunk, list[str]]]:
         numbers, whole = piece
@@ -79,7 +80,7 @@ def damaged(place: Place) -> Iterator[tuple[int, dict[Chunk, list[str]]]]:
         has_result = _any_of(_tally(group, every, piece), WITH_RESULT)
         found = dict[Chunk, list[str]]()
         for number, result in zip(range(numbers.start, numbers.stop), has_result, strict=True):
-            lost = [name for name in SWEEP if not there[name][number]] if result else []
+            lost = [name for name in there if not there[name][number]] if result else []
             chunk = every[number] if suspect or lost else whole
             if parts := [*(store.unreadable_parts(group, chunk) if suspect else []), *lost]:
                 found[chunk] = parts
@@ -93,7 +94,7 @@ def written_chunks(place: Place, group: store.Group, name: str) -> np.ndarray:
     array, every = store.array_of(group, name), store.chunks(group)
     steps = array.shards or array.chunks
     files = np.zeros([-(-size // step) for size, step in zip(array.shape, steps, strict=True)], dtype=bool)
-    folder = f"{LOBES}/{name}/"
+    folder = f"{place.root}/{name}/"
     for key, _ in place.written(folder.rstrip("/")):
         found = _KEY.fullmatch(key, len(folder))
         index = tuple(map(int, found[1].replace("/", ".").split("."))) if found else ()
@@ -103,7 +104,7 @@ def written_chunks(place: Place, group: store.Group, name: str) -> np.ndarray:
     chunk_of = [
         np.arange(count) * chunk // step for count, chunk, step in zip(every.shape, array.chunks, steps, strict=False)
     ]
-    # What stands behind the speed is whole in every file.
+    # What stands behind the blocks is whole in every file.
     there: np.ndarray = files.reshape(files.shape[: len(chunk_of)])[np.ix_(*chunk_of)]
     return there.ravel()
 
@@ -121,9 +122,11 @@ def _tally(group: store.Group, every: Chunks, piece: tuple[slice, Chunk]) -> np.
 
 
 def _counted(status: np.ndarray, every: Chunks) -> np.ndarray:
-    """Return how many cells of each chunk have each status (chunk, status), of a status (speed, depth)."""
-    by_speed = np.stack([np.count_nonzero(status == code, axis=1) for code in STATUS.values()], axis=1)
-    return np.add.reduceat(by_speed, np.arange(0, len(status), every.block), axis=0)
+    """Return how many cells of each chunk have each status (chunk, status), of a status (entry, ...)."""
+    by_entry = np.stack(
+        [np.count_nonzero(status.reshape(len(status), -1) == code, axis=1) for code in STATUS.values()], axis=1
+    )
+    return np.add.reduceat(by_entry, np.arange(0, len(status), every.block), axis=0)
 
 
 def _any_of(tally: np.ndarray, codes: tuple[int, ...]) -> np.ndarray:
@@ -132,5 +135,5 @@ def _any_of(tally: np.ndarray, codes: tuple[int, ...]) -> np.ndarray:
 
 
 def _no_status(every: Chunks, chunk: Chunk) -> np.ndarray:
-    """Return the status of a chunk of which nothing is known (speed, depth)."""
-    return np.full((chunk.last - chunk.first, every.depths), STATUS["pending"], dtype=np.uint8)
+    """Return the status of a chunk of which nothing is known (entry, cell)."""
+    return np.full((chunk.last - chunk.first, every.each), STATUS["pending"], dtype=np.uint8)

@@ -6,6 +6,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -15,8 +16,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
-from chatter_core.variables import STATUS, WITH_RESULT
-from pipeline import metadata, places, report, store, survey
+from chatter_core.variables import FAILED, STATUS
+from pipeline import metadata, places, store, survey
 from pipeline.cluster import open_client, pages
 from pipeline.configuration import (
     EFFECTS,
@@ -28,14 +29,15 @@ from pipeline.configuration import (
 from pipeline.dispatch import dispatched, signals
 from pipeline.errors import StorageFailed, StoreUnavailable, WorkersLost
 from pipeline.journal import Journal
-from pipeline.places import CLOCK, LOBES, LOCK, RECORD, Place, StillHeld, as_long_as_it_takes, place_of
+from pipeline.kinds import kind_of
+from pipeline.places import CLOCK, LOBES, LOCK, RECORD, STORES, Place, StillHeld, as_long_as_it_takes, place_of
 from pipeline.progress import Meter
-from pipeline.settings import Cluster, Settings, differing_keys
-from pipeline.task import KERNEL, Record, Task, compute_point
+from pipeline.settings import Cluster, Study, differing_keys
+from pipeline.task import Record, Task, compute_first
 
 OPTIONS = (*places.OPTIONS, "retry_failed", EFFECTS, EFFECTS_PATH, "base")
 #: What is in a place whose study was being created when the run was killed.
-OF_A_CREATION = {".lock", LOCK, CLOCK, LOBES, metadata.COPY}
+OF_A_CREATION = {".lock", LOCK, CLOCK, *STORES, metadata.COPY}
 OF_A_CREATION |= {f"{metadata.COPY}.partial", f"{RECORD}.partial"}
 #: Seconds of compiling before it is said.
 COMPILING_PATIENCE = 1.0
@@ -59,33 +61,41 @@ def run(words: list[str]) -> int:
     retry = sorted_words.options.get("retry_failed", "false").lower()
     if retry not in ("true", "false"):
         raise InvalidInput([f"retry_failed: found {retry!r}, allowed: true, false"])
-    place = place_of(sorted_words.options, Path("results") / f"{settings.study}-{settings.fingerprint()[:8]}")
+    place = place_of(sorted_words.options, Path("results") / f"{settings.study}-{settings.fingerprint()[:8]}", LOBES)
     return execute(settings, place, retry_failed=retry == "true", argv=words)
 
 
 def execute(
-    settings: Settings, place: Place, *, retry_failed: bool = False, argv: list[str] | None = None, kernel: str = KERNEL
+    settings: Study,
+    place: Place,
+    *,
+    retry_failed: bool = False,
+    argv: list[str] | None = None,
+    kernel: str | None = None,
+    budget: float | None = None,
 ) -> int:
     """Compute what is missing in the store of a study and write its report.
 
     Returns 0 when every cell is ok, 1 when some are marked as failed, 130 or 143 when stopped by a
     signal. Raises InvalidInput when the place holds another study, StoreInUse when another run
-    works on it.
+    works on it. budget: seconds after which nothing more is begun; what is missing then stays pending, which is no
+    failure.
     """
     # One thread here as in every worker: the order of summation, and so the last digit, stays the same.
     with place.held() as still_held, threadpool_limits(1):
         _prepare(settings, place, argv or [])
-        return carry_on(settings, place, still_held, retry_failed=retry_failed, argv=argv, kernel=kernel)
+        return carry_on(settings, place, still_held, retry_failed=retry_failed, argv=argv, kernel=kernel, budget=budget)
 
 
 def carry_on(
-    settings: Settings,
+    settings: Study,
     place: Place,
     still_held: StillHeld = as_long_as_it_takes,
     *,
     retry_failed: bool = False,
     argv: list[str] | None = None,
-    kernel: str = KERNEL,
+    kernel: str | None = None,
+    budget: float | None = None,
 ) -> int:
     """Compute what is missing in a store that is there and belongs to the settings, and whose place is held.
 
@@ -94,27 +104,27 @@ def carry_on(
     journal = Journal(place.make_output())
     try:
         journal.write("start", argv=argv or [], pid=os.getpid(), host=socket.gethostname())
-        counts = _compute(settings, place, still_held, journal, retry_failed, kernel)
+        counts = _compute(settings, place, still_held, journal, retry_failed, kernel, budget)
         still_held()
         written = _finish(place, journal, counts)
     except Stopped as stop:
         journal.write("stopped", signal=str(stop))
-        again = f"python -m pipeline sweep {' '.join(argv)}" if argv else "the same command"
+        again = f"python -m pipeline {kind_of(place).verb} {' '.join(argv)}" if argv else "the same command"
         print(f"stopped; nothing is lost. Go on with: {again}", file=sys.stderr)
         return 128 + stop.number
     except OSError as error:
         # The disk is full, or the place has gone away: what was computed before is in the store.
         raise StorageFailed(
-            f"{error.filename or place.where(LOBES)}: {error.strerror or error}; what was computed is kept, "
+            f"{error.filename or place.where(place.root)}: {error.strerror or error}; what was computed is kept, "
             f"the same command goes on once {'it answers' if isinstance(error, StoreUnavailable) else 'there is room'}"
         ) from None
     return _tell(place, counts, written, journal)
 
 
-def _prepare(settings: Settings, place: Place, argv: list[str]) -> None:
+def _prepare(settings: Study, place: Place, argv: list[str]) -> None:
     """Create the store, or check that the one that is there belongs to these settings."""
     names = place.names()
-    if {RECORD, LOBES} <= names:
+    if {RECORD, place.root} <= names:
         existing: dict[str, Any] = store.check(place).attrs.asdict()
         if existing.get("fingerprint") != settings.fingerprint():
             wanted = json.loads(json.dumps(settings.scientific()))
@@ -132,11 +142,18 @@ def _prepare(settings: Settings, place: Place, argv: list[str]) -> None:
 
 
 def _compute(
-    settings: Settings, place: Place, still_held: StillHeld, journal: Journal, retry_failed: bool, kernel: str
+    settings: Study,
+    place: Place,
+    still_held: StillHeld,
+    journal: Journal,
+    retry_failed: bool,
+    kernel: str | None,
+    budget: float | None,
 ) -> Counter[str]:
     """Compute the chunks that are missing; return how many cells of the store have which status then."""
     group = store.open_group(place)
-    every = store.chunks(group)
+    kind, every = store.kind_in(group), store.chunks(group)
+    physics = kernel or kind.kernel
     missing, of_others = survey.pending(place, retry_failed)
     counts = Counter({name: int(of_others[code]) for name, code in STATUS.items()})
     numbers = np.flatnonzero(missing)
@@ -148,7 +165,7 @@ def _compute(
     cluster = Cluster(kind="serial") if store.is_packed(group) else settings.cluster
     own, limit = settings.effects_path, cluster.time_limit
     first = Task(
-        place=place.anywhere(), chunk=every[int(numbers[0])], kernel=kernel, effects_path=own, time_limit=limit
+        place=place.anywhere(), chunk=every[int(numbers[0])], kernel=physics, effects_path=own, time_limit=limit
     )
     if cluster.kind != "address":
         _compile_once(first)
@@ -156,12 +173,13 @@ def _compute(
     tasks = (replace(first, chunk=every[int(number)]) for number in numbers)
     meter = Meter(every.all_cells, counts.total())
     with signals() as stopping:
+        stopping.deadline = None if budget is None else time.monotonic() + budget
         try:
             with open_client(cluster, lambda: bool(stopping.number)) as client, meter:
                 _note_pages(journal, cluster, pages(client))
                 for record in dispatched(tasks, client, stopping, cluster.patience):
                     still_held()
-                    _note(journal, record)
+                    _note(journal, record, kind.entry)
                     counts.update(record.counts)
                     meter.advance(every.cells(record.chunk))
         except (RuntimeError, OSError) as error:
@@ -172,6 +190,7 @@ def _compute(
                 raise
         if stopping.number:
             raise Stopped(stopping.number)
+    counts["pending"] = every.all_cells - counts.total()
     return counts
 
 
@@ -183,7 +202,7 @@ def _compile_once(task: Task) -> None:
     told.daemon = True
     told.start()
     try:
-        compute_point(task)
+        compute_first(task)
     except Exception:
         # Whatever is wrong with this point: its chunk will tell, and mark it.
         return
@@ -200,11 +219,11 @@ def _note_pages(journal: Journal, cluster: Cluster, address: str | None) -> None
         print(f"workers can be watched at {address}", file=sys.stderr)
 
 
-def _note(journal: Journal, record: Record) -> None:
+def _note(journal: Journal, record: Record, entry: str) -> None:
     journal.write(
         "chunk",
         outer=list(record.chunk.outer),
-        speeds=[record.chunk.first, record.chunk.last],
+        **{f"{entry}s": [record.chunk.first, record.chunk.last]},
         counts=record.counts,
         seconds=round(record.seconds, 4),
         **({"errors": list(record.errors)} if record.errors else {}),
@@ -218,11 +237,12 @@ def _mark_damaged(place: Place) -> None:
         store.mark_chunk(place, chunk, STATUS["pending"])
     if damaged:
         metadata.update(place, complete=False)
+        entry = kind_of(place).entry
         named = list(damaged.items())[:4]
-        where = ", ".join(f"{parts[0]} of speeds {chunk.first} to {chunk.last - 1}" for chunk, parts in named)
+        where = ", ".join(f"{parts[0]} of {entry}s {chunk.first} to {chunk.last - 1}" for chunk, parts in named)
         raise InvalidInput(
             [
-                f"{place.where(LOBES)}: {len(damaged)} chunks are damaged ({where}) and count as pending now; "
+                f"{place.where(place.root)}: {len(damaged)} chunks are damaged ({where}) and count as pending now; "
                 "the same command computes them again"
             ]
         )
@@ -232,7 +252,7 @@ def _finish(place: Place, journal: Journal, counts: Counter[str]) -> list[Path]:
     """Write the report of a store whose cells have these statuses; return what was written."""
     metadata.update(place, complete=not counts["pending"])
     try:
-        written = report.write(place)
+        written = kind_of(place).report(place)
     except InvalidInput:
         _mark_damaged(place)
         raise
@@ -242,10 +262,15 @@ def _finish(place: Place, journal: Journal, counts: Counter[str]) -> list[Path]:
 
 def _tell(place: Place, counts: Counter[str], written: list[Path], journal: Journal) -> int:
     """Say what there is; return the exit code."""
-    print(f"store:   {place.where(LOBES)}")
+    print(f"store:   {place.where(place.root)}")
     for file in written:
         print(f"written: {file}")
-    failed = {name: count for name, count in counts.items() if count and STATUS[name] not in WITH_RESULT}
+    failed = {name: count for name, count in counts.items() if count and STATUS[name] in FAILED}
+    if counts["pending"]:
+        print(
+            f"{counts['pending']} of {counts.total()} are not computed yet: the time is up; the same command goes on",
+            file=sys.stderr,
+        )
     if failed:
         told = ", ".join(f"{count} {name}" for name, count in failed.items())
         print(

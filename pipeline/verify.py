@@ -9,14 +9,15 @@ import yaml
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
-from chatter_core.variables import STATUS, STRUCTURE
+from chatter_core.variables import STATUS
 from pipeline import journal, metadata, store, survey, sweep
 from pipeline.chunks import Chunk
 from pipeline.configuration import EFFECTS_PATH
 from pipeline.errors import StoreUnavailable
+from pipeline.kinds import kind_of
 from pipeline.places import RECORD, Folder, Place, StillHeld, as_long_as_it_takes
 from pipeline.progress import Meter
-from pipeline.settings import Cluster, Settings, recorded
+from pipeline.settings import Cluster, Study, recorded
 from pipeline.study_place import study_place
 
 #: Damaged places that are named one by one.
@@ -29,7 +30,7 @@ class Damage:
 
     documents: place in the store, and what is wrong; fixed: arrays of coordinates and structure; chunks: with the
     variables of each; beside: files beside the store, and what is wrong; torn: lines of the journal, which nothing
-    restores and which are left.
+    restores and which are left; entry: what chunks are blocks of.
     """
 
     documents: dict[str, str]
@@ -37,6 +38,7 @@ class Damage:
     chunks: dict[Chunk, list[str]]
     beside: dict[str, str]
     torn: int
+    entry: str
 
     @property
     def mendable(self) -> bool:
@@ -46,16 +48,17 @@ class Damage:
     def __bool__(self) -> bool:
         return self.mendable or bool(self.torn)
 
+    def entries_of(self, chunk: Chunk) -> str:
+        """Return in words where a chunk stands."""
+        where = f"indices {', '.join(map(str, chunk.outer))}, " if chunk.outer else ""
+        return f"{where}{self.entry}s {chunk.first} to {chunk.last - 1}"
+
     def sentences(self) -> list[str]:
         """Return what is wrong in words, place by place."""
         return [
             *(f"{place}: {why}" for place, why in {**self.documents, **self.beside}.items()),
             *(f"{name}: cannot be read" for name in self.fixed),
-            *(
-                f"{name}: indices {', '.join(map(str, chunk.outer))}, speeds {chunk.first} to {chunk.last - 1}"
-                for chunk, names in self.chunks.items()
-                for name in names
-            ),
+            *(f"{name}: {self.entries_of(chunk)}" for chunk, names in self.chunks.items() for name in names),
         ]
 
 
@@ -87,9 +90,10 @@ def damage(place: Place) -> Damage:
     documents, torn = metadata.problems(place), journal.torn_lines(place.make_output() / journal.FILE)
     if documents:
         # Nothing can be read by documents that are wrong.
-        return Damage(documents=documents, fixed=[], chunks={}, beside={}, torn=torn)
+        return Damage(documents=documents, fixed=[], chunks={}, beside={}, torn=torn, entry=kind_of(place).entry)
     group = store.open_group(place)
-    wholes = (*store.COORDINATES, *STRUCTURE)
+    kind = store.kind_in(group)
+    wholes = (*kind.coordinates, *kind.wholes)
     lost = store.lost_wholes(place, wholes)
     fixed = [name for name in wholes if name in lost or not _reads(group, name)]
     chunks = dict[Chunk, list[str]]()
@@ -97,7 +101,7 @@ def damage(place: Place) -> Damage:
         for count, parts in survey.damaged(place):
             chunks |= parts
             meter.advance(count)
-    return Damage(documents={}, fixed=fixed, chunks=chunks, beside=_wrong_beside(place), torn=torn)
+    return Damage(documents={}, fixed=fixed, chunks=chunks, beside=_wrong_beside(place), torn=torn, entry=kind.entry)
 
 
 def repair(
@@ -122,7 +126,7 @@ def repair(
             print(f"restored: {', '.join(found.documents)}")
             found = damage(place)
         _remove_unreadable_shards(place, found)
-        settings = recorded(Settings, metadata.attributes(place), own, cluster or Cluster(kind="local"))
+        settings = recorded(kind_of(place).settings, metadata.attributes(place), own, cluster or Cluster(kind="local"))
         _restore_fixed(place, found.fixed, settings)
         place.write(RECORD, settings.record().encode())
         metadata.refresh_copy(place)
@@ -170,7 +174,7 @@ def _record_differs(place: Place) -> bool:
     return bool(said != {"study": held["study"], **held["settings"]})
 
 
-def _restore_fixed(place: Place, names: list[str], settings: Settings) -> None:
+def _restore_fixed(place: Place, names: list[str], settings: Study) -> None:
     """Compute coordinates and structure anew that cannot be read."""
     if not names:
         return

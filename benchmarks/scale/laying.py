@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from benchmarks.scale.study import KERNEL, study
+from benchmarks.scale.study import CHUNKED, KERNEL, study
 from pipeline import store
 from pipeline.places import LOBES, RECORD, Folder
 from pipeline.task import Task, compute_chunk
@@ -27,9 +27,9 @@ def lay(chunks: int, folder: Path, computed: int) -> None:
     group = store.open_group(place)
     every = store.chunks(group)
     compute_chunk(Task(place=place, chunk=every[0], kernel=KERNEL))
-    for name in store.CHUNKED:
+    for name in CHUNKED:
         encoded = store.array_of(group, name).metadata.encode_chunk_key
-        behind = (0,) * (len(store.array_of(group, name).shape) - store.OUTER - 1)
+        behind = (0,) * (len(store.array_of(group, name).shape) - store.kind_in(group).outer - 1)
         root = folder / LOBES / name
         content = (root / encoded((0, 0, 0, 0, *behind))).read_bytes()
         for number in range(1, chunks - computed):

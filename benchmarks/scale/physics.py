@@ -7,11 +7,13 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+from benchmarks.scale.study import CHUNKED
 from pipeline import store
 from pipeline.configuration import compose_settings, sort_words
+from pipeline.kinds import KERNEL
 from pipeline.places import LOBES, Folder
 from pipeline.sweep import OPTIONS
-from pipeline.task import Task, compute_chunk, compute_point
+from pipeline.task import Task, compute_chunk, compute_first
 
 #: Cells of a chunk that are tried: the default and ten times as many; depths of a speed.
 SIZES, DEPTHS = (1500, 15000), 100
@@ -40,12 +42,12 @@ def _row(folder: Path, cells: int, which: str) -> dict[str, Any]:
     folder.mkdir(parents=True)
     place = Folder(folder)
     store.create(place, compose_settings(sort_words(words, OPTIONS)), [])
-    task = Task(place=place, chunk=store.chunks(store.open_group(place))[0])
-    compute_point(task)
+    task = Task(place=place, chunk=store.chunks(store.open_group(place))[0], kernel=KERNEL)
+    compute_first(task)
     began = time.process_time()
     compute_chunk(task)
     seconds = time.process_time() - began
-    files = [file for name in store.CHUNKED for file in (folder / LOBES / name).glob("c.*")]
+    files = [file for name in CHUNKED for file in (folder / LOBES / name).glob("c.*")]
     return {
         "which": which,
         "cells": cells,

@@ -2,10 +2,13 @@
 
 from pathlib import Path
 
+from chatter_core.variables import SWEEP
 from pipeline.configuration import compose_settings, sort_words
 from pipeline.settings import Settings
 from pipeline.sweep import OPTIONS
 
+#: Variables that are written chunk by chunk.
+CHUNKED = (*SWEEP, "status")
 #: Computes a chunk in microseconds; everything else is as it is with the physics.
 KERNEL = "tests.pipeline.standins:plain"
 #: Chunks for each speed: 2 kinds of parameters x 10 preloads x 4 numbers of modes.

@@ -3,5 +3,6 @@
 from pipeline.design.described import Description, described
 from pipeline.design.drawing import PARTS, Drawn, draw
 from pipeline.design.settings import Design, Level, varied_of
+from pipeline.design.study import DatasetSettings
 
-__all__ = ["PARTS", "Description", "Design", "Drawn", "Level", "described", "draw", "varied_of"]
+__all__ = ["PARTS", "DatasetSettings", "Description", "Design", "Drawn", "Level", "described", "draw", "varied_of"]

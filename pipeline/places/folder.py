@@ -4,15 +4,15 @@ import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from chatter_core.errors import InvalidInput
 from pipeline.locking import locked, make_folder, remove_empty
 from pipeline.places.place import LOBES, Found, Given, Place, StillHeld, as_long_as_it_takes
 
-#: A store that is being packed, and the one that it takes the place of.
-PACKING, UNPACKED = "packing.zarr", "unpacked.zarr"
+#: A store that is being packed, and what the one that it takes the place of is called before its own name.
+PACKING, UNPACKED = "packing.zarr", "unpacked-"
 #: Ending of files that are not whole yet; zarr's are named so too.
 PARTIAL = ".partial"
 
@@ -22,6 +22,7 @@ class Folder(Place):
     """A folder of this machine, or of a file system that it shares."""
 
     output: Path
+    root: str = LOBES
 
     @property
     def option(self) -> str:
@@ -31,7 +32,7 @@ class Folder(Place):
     @property
     def opening(self) -> str:
         """What opens the store in Python, in this folder."""
-        return f'xarray.open_zarr("{LOBES}")'
+        return f'xarray.open_zarr("{self.root}")'
 
     def __str__(self) -> str:
         return str(self.output)
@@ -42,7 +43,7 @@ class Folder(Place):
 
     def anywhere(self) -> "Folder":
         """Return the folder by its absolute path."""
-        return Folder(self.output.resolve())
+        return replace(self, output=self.output.resolve())
 
     @contextmanager
     def held(self) -> Iterator[StillHeld]:
@@ -64,7 +65,7 @@ class Folder(Place):
 
     def store(self) -> Path:
         """Return the folder of the store."""
-        return self.output / LOBES
+        return self.output / self.root
 
     def names(self) -> set[str]:
         """Return what is in the folder."""
@@ -99,15 +100,15 @@ class Folder(Place):
 
     def exchange(self) -> None:
         """Put the packed store in the place of the one that it was made from."""
-        (self.output / LOBES).rename(self.output / UNPACKED)
-        (self.output / PACKING).rename(self.output / LOBES)
-        shutil.rmtree(self.output / UNPACKED)
+        (self.output / self.root).rename(self.output / f"{UNPACKED}{self.root}")
+        (self.output / PACKING).rename(self.output / self.root)
+        shutil.rmtree(self.output / f"{UNPACKED}{self.root}")
 
     def _tidy(self) -> None:
         """Bring back the store where packing was killed at its last step, and remove what is half-written."""
-        if not (self.output / LOBES).exists() and (self.output / UNPACKED).exists():
-            (self.output / UNPACKED).rename(self.output / LOBES)
-        for key in [key for key, _ in self._files(LOBES) if key.endswith(PARTIAL)]:
+        if not (self.output / self.root).exists() and (self.output / f"{UNPACKED}{self.root}").exists():
+            (self.output / f"{UNPACKED}{self.root}").rename(self.output / self.root)
+        for key in [key for key, _ in self._files(self.root) if key.endswith(PARTIAL)]:
             self.delete(key)
 
     def _files(self, folder: str) -> Iterator[tuple[str, float]]:

@@ -31,6 +31,7 @@ class Objects(Place):
     address: str
     output: Path
     lease: float = LEASE
+    root: str = LOBES
 
     @property
     def option(self) -> str:
@@ -40,7 +41,7 @@ class Objects(Place):
     @property
     def opening(self) -> str:
         """What opens the store in Python, anywhere."""
-        return f'xarray.open_zarr(zarr.storage.ObjectStore(obstore.store.from_url("{self.where(LOBES)}")))'
+        return f'xarray.open_zarr(zarr.storage.ObjectStore(obstore.store.from_url("{self.where(self.root)}")))'
 
     def __str__(self) -> str:
         return self.address
@@ -66,7 +67,7 @@ class Objects(Place):
 
     def store(self) -> ClearStore:
         """Return the store of the study, whose errors speak of its address."""
-        return ClearStore(opened(self.where(LOBES), PATIENCE * self.lease))
+        return ClearStore(opened(self.where(self.root), PATIENCE * self.lease))
 
     def names(self) -> set[str]:
         """Return the first parts of all keys."""

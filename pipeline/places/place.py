@@ -8,8 +8,9 @@ from typing import TypeVar
 
 from zarr.storage import StoreLike
 
-#: The store of a study, and the readable record of what was asked, in its place.
-LOBES, RECORD = "lobes.zarr", "settings.yaml"
+#: The store of a sweep, that of a data set, and the readable record of what was asked, in their place.
+LOBES, DATASET, RECORD = "lobes.zarr", "dataset.zarr", "settings.yaml"
+STORES = (LOBES, DATASET)
 #: Who holds a study; in an object store also what is written to read its clock.
 LOCK, CLOCK = "lock.json", "lock.clock"
 
@@ -26,11 +27,12 @@ def as_long_as_it_takes() -> None:
 class Place(ABC):
     """Where a study lies, in pieces named by keys such as ``lobes.zarr/zarr.json``; the same in every process.
 
-    output: folder on this machine for what people read. What cannot be reached or written raises OSError, of
-    StoreUnavailable where that says nothing of the piece that was asked for.
+    output: folder on this machine for what people read; root: name of the store, one of STORES. What cannot be reached
+    or written raises OSError, of StoreUnavailable where that says nothing of the piece that was asked for.
     """
 
     output: Path
+    root: str
 
     @property
     @abstractmethod

@@ -33,12 +33,12 @@ def study(limit_mm, *, hollow=()):
 
 def test_a_removal_rate_is_depth_times_width_times_feed_speed():
     # 2 mm x 0.4 x 16 mm x (4 x 0.08 mm x 10000 / min) = 12.8 mm2 x 3200 mm/min.
-    assert removal_rate(SETTINGS, 10000.0, 2.0) == pytest.approx(40.96, rel=1e-12)
+    assert removal_rate(SETTINGS["machine"], 10000.0, 2.0) == pytest.approx(40.96, rel=1e-12)
 
 
 def test_a_slot_is_as_wide_as_the_tool():
     machine = SETTINGS["machine"]
-    slot = {"machine": {**machine, "process": {**machine["process"], "direction": "slot"}}}
+    slot = {**machine, "process": {**machine["process"], "direction": "slot"}}
     assert removal_rate(slot, 10000.0, 2.0) == pytest.approx(2.5 * 40.96, rel=1e-12)
 
 

@@ -6,12 +6,9 @@ from pipeline.__main__ import main
 from pipeline.journal import FILE, Journal, read, sentences
 from tests.pipeline.studies import sweep
 
-VALUES = {
-    "modal_parameters": ["dynamic", "static"],
-    "preload": [100.0, 200.0],
-    "mode_count": [1, 4],
-    "spindle_speed": [8000.0, 9000.0, 10000.0, 11000.0],
-}
+
+def place(event):
+    return f"chunk {event['outer']} {event['speeds']}"
 
 
 def chunk(time, *, counts, **more):
@@ -23,9 +20,9 @@ def test_chunks_in_a_row_are_one_line_and_what_failed_is_told_by_place_and_reaso
     bad = chunk(
         "2026-01-02T03:04:08+00:00", counts={"ok": 4, "timed_out": 4}, errors=["Traceback\n  ...\nValueError: no"]
     )
-    assert list(sentences([*good, bad, good[0]], 0, VALUES)) == [
+    assert list(sentences([*good, bad, good[0]], 0, place)) == [
         "2026-01-02 03:04:05 to 2026-01-02 03:04:07  3 chunks computed, 24 cells",
-        "2026-01-02 03:04:08  chunk static, 100 N, 4 modes, 10000 to 11000 rpm: 4 ok, 4 timed out\n    ValueError: no",
+        "2026-01-02 03:04:08  chunk [1, 0, 1] [2, 4]: 4 ok, 4 timed out\n    ValueError: no",
         "2026-01-02 03:04:05  1 chunk computed, 8 cells",
     ]
 
@@ -35,7 +32,7 @@ def test_half_a_line_is_no_event_and_is_told(tmp_path):
     with (tmp_path / FILE).open("a") as file:
         file.write('{"time": "2026-')
     events, torn = read(tmp_path / FILE)
-    told = list(sentences(events, torn, VALUES))
+    told = list(sentences(events, torn, place))
     assert told[0].endswith("  stopped by SIGTERM")
     assert told[1] == "lines that could not be read: 1; a run was killed while it wrote"
 

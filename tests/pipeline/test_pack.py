@@ -6,6 +6,7 @@ import pytest
 import xarray as xr
 
 from chatter_core.errors import InvalidInput
+from chatter_core.variables import SWEEP
 from pipeline import report, store, sweep, verify
 from pipeline.__main__ import main
 from pipeline.chunks import Chunk
@@ -38,10 +39,10 @@ def test_a_packed_store_holds_the_same_in_few_files(output: Path, capsys: pytest
     assert main(["pack", f"output={output}"]) == 0
     assert "files, now" in capsys.readouterr().out
     xr.testing.assert_identical(lobes(output).drop_attrs(), before.drop_attrs())
-    for name in store.CHUNKED:
+    for name in (*SWEEP, "status"):
         assert len([file for file in (output / "lobes.zarr" / name / "c").rglob("*") if file.is_file()]) == 1
     assert not verify.damage(Folder(output))
-    assert not {entry.name for entry in output.iterdir()} & {PACKING, UNPACKED}
+    assert not {entry.name for entry in output.iterdir()} & {PACKING, f"{UNPACKED}lobes.zarr"}
 
 
 def test_packing_twice_changes_nothing_and_a_run_finds_nothing_to_do(output: Path) -> None:
@@ -76,7 +77,7 @@ def test_an_unfinished_store_is_not_packed(output: Path) -> None:
 
 def test_packing_that_was_killed_at_its_last_step_is_taken_back(output: Path) -> None:
     before = lobes(output)
-    (output / "lobes.zarr").rename(output / UNPACKED)
+    (output / "lobes.zarr").rename(output / f"{UNPACKED}lobes.zarr")
     assert sweep_study(output) == 0
     xr.testing.assert_identical(lobes(output).drop_attrs(), before.drop_attrs())
 

@@ -10,13 +10,15 @@ from typing import Any
 import pytest
 from zarr.storage import LocalStore
 
+from chatter_core.variables import SWEEP
 from pipeline import dispatch, report, status, store, verify
 from pipeline.chunks import Chunk
 from pipeline.places import Folder
-from pipeline.store import CHUNKED
 from pipeline.task import Task
 from tests.pipeline.studies import CHUNKS, lobes, sweep
 
+#: Variables that are written chunk by chunk.
+CHUNKED = (*SWEEP, "status")
 #: A decade: ten times the chunks of the small study.
 FEW, MANY = CHUNKS, 10 * CHUNKS
 

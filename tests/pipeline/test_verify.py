@@ -10,6 +10,7 @@ import xarray as xr
 from chatter_core.errors import InvalidInput
 from pipeline import metadata, report, store, sweep, verify
 from pipeline.__main__ import main
+from pipeline.kinds import Lobes
 from pipeline.places import Folder
 from pipeline.settings import Cluster
 
@@ -22,9 +23,7 @@ FLIPS = 100
 def _without_report_and_physics(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out tables and figures, and compute with the stand-in that the store was made with."""
     monkeypatch.setattr(report, "write", lambda output: [])
-    monkeypatch.setattr(sweep, "KERNEL", "tests.pipeline.standins:plain")
-    carry_on = sweep.carry_on
-    monkeypatch.setattr(sweep, "carry_on", lambda *a, **k: carry_on(*a, **{"kernel": sweep.KERNEL, **k}))
+    monkeypatch.setattr(Lobes, "kernel", "tests.pipeline.standins:plain")
 
 
 @pytest.fixture(scope="module")

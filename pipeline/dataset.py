@@ -1,0 +1,70 @@
+"""Data sets and parameter studies: machines and cuts of a design, each with its limit depths over speed."""
+
+from pathlib import Path
+from typing import Any
+
+from chatter_core.errors import InvalidInput
+from chatter_core.reading import load_value, load_yaml, shown
+from pipeline import places
+from pipeline.configuration import EFFECTS, EFFECTS_PATH, compose_settings, sort_words
+from pipeline.design import DatasetSettings, varied_of
+from pipeline.places import DATASET, place_of
+from pipeline.sweep import execute
+
+OPTIONS = (*places.OPTIONS, "retry_failed", "budget_hours", EFFECTS, EFFECTS_PATH)
+#: What begins a word that makes a key vary, with a distribution or a list of values.
+VARY = "vary."
+#: Longest time that may be given [h].
+MOST_HOURS = 10_000.0
+
+
+def run(words: list[str]) -> int:
+    """Compute a data set from the words of a command line; return the exit code."""
+    varied = dict(word.removeprefix(VARY).split("=", 1) for word in words if word.startswith(VARY) and "=" in word)
+    files = [word for word in words if word.startswith("design=") and word.endswith((".yaml", ".yml"))]
+    others = [word for word in words if word not in files and not (word.startswith(VARY) and "=" in word)]
+    sorted_words = sort_words(others, OPTIONS)
+    changes = {"design": load_yaml(Path(files[-1].removeprefix("design=")))} if files else {}
+    settings = compose_settings(sorted_words, DatasetSettings, changes, lambda data: _let_vary(data, varied))
+    retry = sorted_words.options.get("retry_failed", "false").lower()
+    if retry not in ("true", "false"):
+        raise InvalidInput([f"retry_failed: found {retry!r}, allowed: true, false"])
+    budget = _seconds(sorted_words.options.get("budget_hours"))
+    usual = Path("results") / f"{settings.study}-{settings.fingerprint()[:8]}"
+    place = place_of(sorted_words.options, usual, DATASET)
+    return execute(settings, place, retry_failed=retry == "true", argv=words, budget=budget)
+
+
+def _let_vary(data: dict[str, Any], varied: dict[str, str]) -> None:
+    """Put what ``vary.KEY=VALUE`` words say into a design; it takes the place of what varied before.
+
+    Raises InvalidInput for a value that is no distribution and no list.
+    """
+    if not varied:
+        return
+    levels, problems = {}, []
+    for key, text in varied.items():
+        try:
+            levels[key] = load_value(text)
+        except ValueError as error:
+            problems.append(f"{VARY}{key}: found {shown(text)}: {error}")
+            continue
+        if not isinstance(levels[key], list | dict):
+            problems.append(f"{VARY}{key}: found {shown(text)}, allowed: a list of values, or a distribution")
+    if problems:
+        raise InvalidInput(problems)
+    design = data.get("design") or {}
+    data["design"] = {**design, "machine": {"vary": {key: varied_of(one) for key, one in levels.items()}}, "cut": {}}
+
+
+def _seconds(hours: str | None) -> float | None:
+    """Return the time that ``budget_hours`` gives [s], or None; raise InvalidInput for what is no such time."""
+    if hours is None:
+        return None
+    try:
+        found = float(hours)
+    except ValueError:
+        found = 0.0
+    if not 0.0 < found <= MOST_HOURS:
+        raise InvalidInput([f"budget_hours: found {hours!r}, allowed: more than 0, at most {MOST_HOURS:g}"])
+    return 3600.0 * found

@@ -1,0 +1,76 @@
+"""Figures of a data set: limit depths over speed, and what they depend on."""
+
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
+
+from pipeline.dataset_tables import limit_or_deepest
+from pipeline.figures import COLOURS, panel
+from pipeline.sensitivity import KEY
+
+matplotlib.use("Agg")
+
+#: Shares of all cuts between which bands lie, and cuts up to which each is a line of its own.
+BANDS, FEW = ((0.1, 0.9), (0.25, 0.75)), 24
+#: Inputs that a picture holds, the largest.
+MOST_INPUTS = 20
+#: Columns that a bar shows with the half width of its interval, by what a table has.
+SHOWN = {"total_share": "total_half_interval", "delta": "delta_half_interval", "share": "share_half_interval"}
+
+
+def write(data: xr.Dataset, told: pd.DataFrame, text: str, folder: Path) -> list[Path]:
+    """Write every figure of a data set into a folder and return the paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    made = {"limit_depths": limits_over_speed(data), **({} if told.empty else {"sensitivity": tornado(told, text)})}
+    paths = []
+    for name, figure in made.items():
+        paths.append(folder / f"{name}.png")
+        figure.savefig(paths[-1], dpi=150)
+    return paths
+
+
+def limits_over_speed(data: xr.Dataset) -> Figure:
+    """Draw limit depths over speed, each cut's own where there are few, else their median and bands."""
+    figure, axes = panel("Limit depths over spindle speed")
+    speed, limit = data["spindle_speed"].values, limit_or_deepest(data)
+    limit = limit.reshape(-1, len(speed))
+    if len(limit) <= FEW:
+        for row, line in enumerate(limit):
+            axes.plot(speed, line, lw=1.2, color=COLOURS[row % len(COLOURS)])
+    else:
+        for low, high in BANDS:
+            below, above = np.nanquantile(limit, [low, high], axis=0)
+            axes.fill_between(speed, below, above, color=COLOURS[0], alpha=0.25, label=f"{low:.0%} to {high:.0%}")
+        axes.plot(speed, np.nanmedian(limit, axis=0), color=COLOURS[0], label="median of all cuts")
+        axes.set_yscale("log")
+        axes.legend(frameon=False)
+    axes.set_xlabel("spindle speed [rpm]")
+    axes.set_ylabel("limit depth [mm]")
+    return figure
+
+
+def tornado(told: pd.DataFrame, text: str) -> Figure:
+    """Draw what the limit depth depends on, the largest on top."""
+    shown = told.head(MOST_INPUTS).iloc[::-1]
+    figure = Figure(figsize=(8.0, 1.2 + 0.32 * len(shown)), layout="constrained")
+    axes = figure.add_subplot()
+    place = np.arange(len(shown))
+    if "change_at_low_percent" in shown:
+        for end, colour in (("low", COLOURS[0]), ("high", COLOURS[1])):
+            axes.barh(place, shown[f"change_at_{end}_percent"], color=colour, label=f"at the {end} end")
+        labels = [f"{row.key}\n{row.low} to {row.high}" for row in shown.itertuples()]
+        axes.axvline(0.0, color="black", lw=0.8)
+        axes.set_xlabel("change of the lowest limit depth [%]")
+        axes.legend(frameon=False)
+    else:
+        name = next(name for name in SHOWN if name in shown)
+        axes.barh(place, shown[name], xerr=shown[SHOWN[name]], color=COLOURS[0], ecolor="grey")
+        labels = list(shown[KEY])
+        axes.set_xlabel(name.replace("_", " "))
+    axes.set_yticks(place, labels, fontsize=8)
+    axes.set_title(text, fontsize=9, loc="left", wrap=True)
+    return figure

@@ -1,0 +1,141 @@
+"""What people read of a data set: its card, tables, figures and page."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from chatter_core.errors import InvalidInput
+from chatter_core.variables import WITH_RESULT
+from pipeline import dataset_card, dataset_figures, page, store, survey
+from pipeline.dataset_plots import dataset_plots
+from pipeline.dataset_tables import LOWEST, RATE, samples_table
+from pipeline.page import PageTable, provenance
+from pipeline.places import Place
+from pipeline.plots import embed
+from pipeline.sensitivity import KEY, sensitivity
+
+#: What a report is made of.
+READ = ("input", "split", "limit_depth", "limit_chatter_frequency", "limit_dominant_mode", "status")
+#: Rows of a table on the page; the CSV files hold all.
+PAGE_ROWS = 24
+#: Bytes of tables that a page offers; longer ones stand beside it.
+DOWNLOADS = 600_000
+CAPTIONS = {
+    "limits": "The depth at which the chosen cut begins to chatter; the bands hold the middle part of all cuts.",
+    "inputs": "A cut each, by the shallowest of its limit depths over all speeds.",
+}
+
+
+def write(place: Place) -> list[Path]:
+    """Write card, tables, figures and report.html of a data set; return the paths.
+
+    Raises InvalidInput where it cannot be read.
+    """
+    store.check(place)
+    counts = survey.counts(place)
+    try:
+        with store.open_lobes(place) as opened:
+            data = opened[list(READ)].load()
+            data.attrs = opened.attrs
+    except (ValueError, RuntimeError, KeyError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InvalidInput(
+            [f"{place.where(place.root)}: cannot be read, a part is missing or damaged: {reason}"]
+        ) from None
+    output = place.make_output()
+    samples = samples_table(data)
+    told, text = sensitivity(data)
+    tables = _write_tables({"samples": samples, **({} if told.empty else {"sensitivity": told})}, output / "tables")
+    pictures = dataset_figures.write(data, told, text, output / "figures")
+    card = dataset_card.write(data, counts, output)
+    html = output / "report.html"
+    _page(html, place.opening, data, counts, samples, (told, text), tables)
+    return [card, *tables, *pictures, html]
+
+
+def _write_tables(tables: Mapping[str, pd.DataFrame], folder: Path) -> list[Path]:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, table in tables.items():
+        table.to_csv(folder / f"{name}.csv", index=False, float_format="%.8g")
+    return [folder / f"{name}.csv" for name in tables]
+
+
+def _page(
+    html: Path,
+    opening: str,
+    data: xr.Dataset,
+    counts: Mapping[str, int],
+    samples: pd.DataFrame,
+    dependence: tuple[pd.DataFrame, str],
+    written: list[Path],
+) -> None:
+    told, text = dependence
+    made = dataset_plots(data, samples, told, text)
+    short = [path for path in written if path.stat().st_size <= DOWNLOADS / len(written)]
+    cells = sum(counts.values())
+    page.write(
+        html,
+        "dataset.html",
+        title=data.attrs["title"],
+        subtitle=f"machines: {data.sizes['machine']}, cuts of each: {data.sizes['cut']}, spindle speeds: "
+        f"{data.sizes['spindle_speed']}; computed {data.attrs['created']}",
+        warnings=[
+            f"{count} of {cells} cuts and speeds have no result: {name.replace('_', ' ')}."
+            for name, count in counts.items()
+            if name not in ("ok", "interpolated")
+        ],
+        findings=_findings(data, samples, text if told.empty else ""),
+        tables=[_best_table(samples), *([] if told.empty else [_dependence_table(told, text)])],
+        plots=embed(made),
+        captions=CAPTIONS,
+        downloads=page.downloads(short),
+        beside=[path.name for path in written if path not in short],
+        opening=opening,
+        provenance=provenance(data.attrs, "dataset"),
+        settings=json.dumps(data.attrs["settings"], indent=1),
+    )
+
+
+def _findings(data: xr.Dataset, samples: pd.DataFrame, untold: str) -> list[str]:
+    known = samples[LOWEST].dropna()
+    found = []
+    if len(known):
+        low, middle, high = np.quantile(known, [0.1, 0.5, 0.9])
+        found.append(
+            f"The lowest limit depth over all speeds is {middle:.3g} mm in the median, {low:.3g} to {high:.3g} mm in "
+            "four of five cuts."
+        )
+    stable = np.isnan(data["limit_depth"].values) & np.isin(data["status"].values, WITH_RESULT)
+    found.append(f"{stable.mean():.1%} of all cuts and speeds are stable down to the deepest depth.")
+    if samples[RATE].notna().any():
+        best = samples.loc[samples[RATE].idxmax()]
+        found.append(
+            f"Most is removed by machine {best['machine']}, cut {best['cut']}: {best[RATE]:.3g} cm\N{SUPERSCRIPT THREE}"
+            f"/min at {best['with_spindle_speed_rpm']:.0f} rpm and {best['with_axial_depth_mm']:.3g} mm."
+        )
+    return [*found, *([untold] if untold else [])]
+
+
+def _best_table(samples: pd.DataFrame) -> PageTable:
+    best = samples.dropna(subset=[RATE]).nlargest(PAGE_ROWS, RATE)
+    names = ["machine", "cut", "part", LOWEST, "at_spindle_speed_rpm", RATE]
+    names += ["with_spindle_speed_rpm", "with_axial_depth_mm"]
+    return _table("The cuts that remove most, with margins in depth and speed", best[names])
+
+
+def _dependence_table(told: pd.DataFrame, text: str) -> PageTable:
+    return _table(text, told.rename(columns={KEY: "input"}))
+
+
+def _table(title: str, frame: pd.DataFrame) -> PageTable:
+    columns = [name.replace("_", " ") for name in frame.columns]
+    rows = [[_cell(value) for value in row] for row in frame.itertuples(index=False)]
+    return PageTable(title=title, columns=columns, rows=rows)
+
+
+def _cell(value: object) -> str:
+    return f"{value:.5g}" if isinstance(value, float) else str(value)

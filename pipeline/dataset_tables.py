@@ -1,0 +1,87 @@
+"""What a data set says of every cut in one row: what varies, its lowest limit depth, and the cut that removes most."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from chatter_core.variables import STATUS
+from pipeline.best_cuts import DEPTH_MARGIN, least_near, removal_rate
+from pipeline.design import PARTS, Design
+from pipeline.kinds.dataset import descriptions
+
+#: Columns of the table behind those of what varies.
+LOWEST, RATE = "lowest_limit_depth_mm", "removal_rate_cm3_min"
+
+
+def inputs_table(data: xr.Dataset) -> pd.DataFrame:
+    """Return what varies, a column for each key and a row for each cut, words as words."""
+    numbers = data["input"].values.reshape(-1, data.sizes["input_key"])
+    keys = [str(key) for key in data["input_key"].values]
+    columns = {}
+    for place, key in enumerate(keys):
+        words = data.attrs["input_words"].get(key)
+        columns[key] = numbers[:, place] if words is None else [words[int(number)] for number in numbers[:, place]]
+    return pd.DataFrame(columns)
+
+
+def numbered(words: Sequence[str]) -> str:
+    """Return words each with the number that stands for it."""
+    return ", ".join(f"{number} {word}" for number, word in enumerate(words))
+
+
+def limit_or_deepest(data: xr.Dataset) -> np.ndarray:
+    """Return limit depths (machine, cut, speed) [mm], the deepest depth where no boundary lies above it.
+
+    NaN where there is no result.
+    """
+    deepest = data.attrs["settings"]["design"]["deepest_mm"]
+    limit = data["limit_depth"].values.astype(float)
+    known = data["status"].values == STATUS["ok"]
+    return np.where(known, np.where(np.isnan(limit), deepest, limit), np.nan)
+
+
+def samples_table(data: xr.Dataset) -> pd.DataFrame:
+    """Return a row for each cut: its numbers, part, what varies, lowest limit depth, and the cut that removes most.
+
+    The latter stays 10 % below the boundary at all speeds within 2 %.
+    """
+    machines, cuts = data.sizes["machine"], data.sizes["cut"]
+    limit = limit_or_deepest(data).reshape(machines * cuts, -1)
+    speed = data["spindle_speed"].values
+    settled = np.nan_to_num(limit, nan=np.inf)
+    lowest = settled.argmin(axis=1)
+    rows = np.arange(len(limit))
+    best_speed, best_depth, best_rate = _best(data, limit, speed)
+    return pd.DataFrame(
+        {
+            "machine": np.repeat(data["machine"].values, cuts),
+            "cut": np.tile(data["cut"].values, machines),
+            "part": np.repeat([PARTS[code] for code in data["split"].values], cuts),
+            **inputs_table(data),
+            LOWEST: np.where(np.isinf(settled[rows, lowest]), np.nan, settled[rows, lowest]),
+            "at_spindle_speed_rpm": speed[lowest],
+            RATE: best_rate,
+            "with_spindle_speed_rpm": best_speed,
+            "with_axial_depth_mm": best_depth,
+            "speeds_without_result": np.isnan(limit).sum(axis=1),
+        }
+    )
+
+
+def _best(data: xr.Dataset, limit: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return speed [rpm], depth [mm] and rate [cm3/min] of the cut that removes most (row,), NaN where none is safe."""
+    settings = data.attrs["settings"]
+    design, base = Design.model_validate(settings["design"]), {**settings["machine"], "effects": {}}
+    base["effects"] = settings.get("effects", {})
+    depth = (1.0 - DEPTH_MARGIN) * least_near(limit, speed)
+    found = np.full((3, len(limit)), np.nan)
+    numbers = data["input"].values
+    described = (one for machine in numbers for one in descriptions(base, design, machine))
+    for row, description in enumerate(described):
+        rate = removal_rate(description, speed, depth[row])
+        if not np.isnan(rate).all():
+            best = int(np.nanargmax(rate))
+            found[:, row] = speed[best], depth[row, best], rate[best]
+    return found[0], found[1], found[2]

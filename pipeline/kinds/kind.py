@@ -1,0 +1,91 @@
+"""What a kind of study is: what its store holds, how a chunk of it is computed, what people read of it."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+
+from chatter_core.variables import Variable
+from pipeline.chunks import Chunk
+from pipeline.places import Place
+from pipeline.settings import Study
+
+#: Arrays by the names of variables, in SI.
+Arrays = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Computed:
+    """What a chunk came to: arrays (entry, ...) and status (entry, ...), and the errors that were caught."""
+
+    arrays: Arrays
+    status: np.ndarray
+    errors: tuple[str, ...] = ()
+
+
+class Kind(ABC):
+    """A kind of study. One task owns one chunk of every chunked variable: a block of entries along ``along``.
+
+    name: of the store in its place; verb: that computes it; settings: class of its settings; coordinates: dimension ->
+    unit suffix and meaning; wholes: variables that are written once, before the chunks; chunked: those that are
+    written chunk by chunk; status: completion and outcome; along: dimension that chunks are blocks of; entry: what one
+    along it is called; cells: what the status counts; kernel: physics that a chunk is computed by, ``MODULE:FUNCTION``;
+    told_by: coordinates that say to people which chunk one is.
+    """
+
+    name: str
+    verb: str
+    settings: type[Study]
+    coordinates: Mapping[str, tuple[str, str]]
+    wholes: Mapping[str, Variable]
+    chunked: Mapping[str, Variable]
+    status: Variable
+    along: str
+    entry: str
+    cells: str
+    kernel: str
+    told_by: tuple[str, ...]
+
+    @property
+    def outer(self) -> int:
+        """Number of dimensions before the one that chunks are blocks of."""
+        return self.status.dims.index(self.along)
+
+    def dimensions(self, name: str) -> tuple[str, ...]:
+        """Return the dimensions of a variable that is written chunk by chunk."""
+        return {**self.chunked, "status": self.status}[name].dims
+
+    @abstractmethod
+    def title(self, settings: Any) -> str:
+        """Return the title of a store."""
+
+    @abstractmethod
+    def written_whole(self, settings: Any) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, Any]]:
+        """Return coordinates, variables that are written once, in the units of the border, and further attributes.
+
+        Raises InvalidInput when the machine cannot give what is asked for.
+        """
+
+    @abstractmethod
+    def described(self, group: zarr.Group) -> Any:
+        """Return what all chunks of a store share, read from it; kept as long as the process lives."""
+
+    @abstractmethod
+    def compute(self, described: Any, chunk: Chunk, kernel: str, effects_path: Path | None) -> Computed:
+        """Compute a chunk; what raises is narrowed down to its entries, and those are marked."""
+
+    @abstractmethod
+    def compute_first(self, described: Any, effects_path: Path | None) -> None:
+        """Compute as little as has everything compiled that is compiled when first used."""
+
+    @abstractmethod
+    def told(self, values: Mapping[str, list[Any]], outer: tuple[int, ...], first: int, last: int) -> str:
+        """Return in words which chunk one is; values: of the coordinates in ``told_by``."""
+
+    @abstractmethod
+    def report(self, place: Place) -> list[Path]:
+        """Write what people read of a store; return the paths. Raises InvalidInput where it cannot be read."""

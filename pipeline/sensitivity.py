@@ -1,0 +1,94 @@
+"""Which inputs of a design the limit depth depends on: swings one at a time, or shares of its variance.
+
+What is looked at is the lowest limit depth of a cut over all speeds, by its logarithm.
+"""
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from SALib.analyze import delta, sobol
+
+from pipeline.dataset_tables import inputs_table, limit_or_deepest
+
+#: Fewer cuts than this for each input say nothing of shares.
+FEWEST_EACH = 8
+#: Of intervals, by drawing cuts anew.
+CONFIDENCE, SEED = 0.9, 0
+KEY = "key"
+
+
+def sensitivity(data: xr.Dataset) -> tuple[pd.DataFrame, str]:
+    """Return a table of what the limit depth depends on, the largest first, and what its numbers are, in a sentence.
+
+    The table is empty where the design, or what was computed of it, does not tell.
+    """
+    limit = limit_or_deepest(data)
+    limit = limit.reshape(-1, limit.shape[-1])
+    known = ~np.isnan(limit).any(axis=1)
+    lowest = np.where(known, limit.min(axis=1), np.nan)
+    sampling = data.attrs["settings"]["design"]["sampling"]
+    if sampling == "one_at_a_time":
+        return _swings(data, lowest)
+    keys = [str(key) for key in data["input_key"].values]
+    numbers = data["input"].values.reshape(-1, len(keys))
+    if sampling == "grid" or known.sum() < FEWEST_EACH * len(keys) or np.ptp(lowest[known]) == 0.0:
+        few = f"of {len(keys)} inputs at least {FEWEST_EACH * len(keys)} cuts are needed, not of a grid"
+        return pd.DataFrame(), f"Shares of inputs are not told: {few}, with limits that differ."
+    if sampling == "saltelli":
+        return _indices(keys, lowest, known)
+    return _of_given(keys, numbers[known], np.log(lowest[known]))
+
+
+def _swings(data: xr.Dataset, lowest: np.ndarray) -> tuple[pd.DataFrame, str]:
+    """Return the change of the lowest limit depth with each key at its low and its high end, in per cent."""
+    told = inputs_table(data)
+    rows = []
+    for place, key in enumerate(told.columns):
+        low, high = (1 + 2 * place + end for end in (0, 1))
+        change = 100.0 * (lowest[[low, high]] / lowest[0] - 1.0)
+        rows.append(
+            {
+                KEY: key,
+                "low": told[key][low],
+                "high": told[key][high],
+                "change_at_low_percent": change[0],
+                "change_at_high_percent": change[1],
+            }
+        )
+    table = pd.DataFrame(rows)
+    order = np.abs(table[["change_at_low_percent", "change_at_high_percent"]]).max(axis=1).fillna(0.0)
+    text = f"Change of the lowest limit depth, {lowest[0]:.3g} mm as described, with one key at its low and high end."
+    return table.iloc[np.argsort(-order.values, kind="stable")].reset_index(drop=True), text
+
+
+def _indices(keys: list[str], lowest: np.ndarray, known: np.ndarray) -> tuple[pd.DataFrame, str]:
+    """Return Sobol's indices of first order and in total, from the blocks that were drawn for them."""
+    if not known.all():
+        return pd.DataFrame(), f"Sobol's indices are not told: {int((~known).sum())} cuts have no result at some speed."
+    problem = {"num_vars": len(keys), "names": keys, "bounds": [[0.0, 1.0]] * len(keys)}
+    found = sobol.analyze(problem, np.log(lowest), calc_second_order=False, conf_level=CONFIDENCE, seed=SEED)
+    columns = {"share": "S1", "share_half_interval": "S1_conf", "total_share": "ST", "total_half_interval": "ST_conf"}
+    table = _table(keys, {name: found[told] for name, told in columns.items()}, "total_share")
+    return table, "Share of the variance of ln(lowest limit depth) by one input, and with all its interactions (Sobol)."
+
+
+def _of_given(keys: list[str], numbers: np.ndarray, logarithm: np.ndarray) -> tuple[pd.DataFrame, str]:
+    """Return moment-independent measures and first-order shares, of any sample."""
+    problem = {"num_vars": len(keys), "names": keys, "bounds": [[0.0, 1.0]] * len(keys)}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # an input with few values fills some classes with none
+        found = delta.analyze(problem, numbers, logarithm, conf_level=CONFIDENCE, seed=SEED)
+    columns = {"share": "S1", "share_half_interval": "S1_conf", "delta": "delta", "delta_half_interval": "delta_conf"}
+    table = _table(keys, {name: found[told] for name, told in columns.items()}, "delta")
+    text = (
+        "How far one input moves the distribution of ln(lowest limit depth) (delta, 0 to 1), and its share of variance."
+    )
+    return table, text
+
+
+def _table(keys: list[str], columns: dict[str, Any], by: str) -> pd.DataFrame:
+    table = pd.DataFrame({KEY: keys, **{name: np.asarray(values, dtype=float) for name, values in columns.items()}})
+    return table.sort_values(by, ascending=False, kind="stable").reset_index(drop=True)
