@@ -163,7 +163,7 @@ def _of_kind(data: dict[str, Any], words: Words, kind: type[Study]) -> dict[str,
     for key, verb in PARTS_OF_KINDS.items():
         if key in kind.model_fields and data.get(key) is None:
             problems.append(f"{key}: missing; study {data['study']} has none")
-        elif key not in kind.model_fields and key == "design" and data.get(key) is not None:
+        elif key not in kind.model_fields and key == "design" and data.get(key) is not None and not asked:
             problems.append(f"study {data['study']} is a data set; compute it with: python -m pipeline {verb}")
     if problems:
         raise InvalidInput(problems)

@@ -9,7 +9,7 @@ from pipeline.kinds import Dataset
 from pipeline.places import DATASET as STORE
 from tests.pipeline.browser import needs_chromium, opened
 from tests.pipeline.test_dataset import SMALL
-from tests.pipeline.test_study_page import choose, plotted
+from tests.pipeline.test_study_page import plotted
 
 pytestmark = needs_chromium
 
@@ -30,10 +30,10 @@ def test_the_chosen_cut_and_the_chosen_input_are_shown(output):
     with opened(output / "report.html") as page:
         # Numbers of the page have seven digits.
         assert plotted(page, "Limit depth", "limit") == pytest.approx(limit[0], rel=1e-6)
-        choose(page, "cut", "3")
+        page.get_by_label("cut").select_option("3")
         assert plotted(page, "Limit depth", "limit") == pytest.approx(limit[3], rel=1e-6)
         lowest = plotted(page, "Lowest limit depth", "lowest")
         assert lowest == pytest.approx(limit.min(axis=1), rel=1e-6)
-        choose(page, "input", "tool.teeth")
+        page.get_by_label("input").select_option("tool.teeth")
         teeth = data["input"].sel(input_key="tool.teeth").values.ravel()
         assert np.array_equal(plotted(page, "Lowest limit depth", "value"), teeth)

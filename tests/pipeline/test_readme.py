@@ -2,13 +2,15 @@
 
 import re
 import shlex
+from functools import partial
 from pathlib import Path
 
 import pytest
 import yaml
 
 from pipeline.__main__ import main
-from pipeline.configuration import groups
+from pipeline.configuration import compose_settings, groups, sort_words
+from pipeline.design import DatasetSettings
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
@@ -38,13 +40,20 @@ def test_words_of_the_readme_are_understood(tmp_path, monkeypatch, capsys):
     assert '"spectral_radius"' in capsys.readouterr().out
 
 
-def test_every_shipped_choice_composes(capsys):
-    from pipeline.configuration import compose_settings, sort_words
-
+def test_every_shipped_choice_composes():
     for group, choices in groups().items():
         for choice in choices:
             words = [f"{group}={choice}"] + (["cluster.address=tcp://localhost:1"] if choice == "address" else [])
-            assert compose_settings(sort_words(words, ())).study
+            if group == "design" or choice in (*groups()["design"], "dataset_small", "dataset_overnight"):
+                vary = {"machine": {"vary": {"tool.teeth": [2, 4]}}} if choice == "parameter_study" else {}
+                with_it = compose_settings(sort_words(words, ()), DatasetSettings, change=partial(_vary, vary))
+                assert with_it.design.title
+            else:
+                assert compose_settings(sort_words(words, ())).study
+
+
+def _vary(level, data):
+    data["design"] |= level
 
 
 def test_makefile_has_a_target_for_every_verb():
