@@ -30,7 +30,7 @@ def test_the_chosen_cut_and_the_chosen_input_are_shown(output):
     with opened(output / "report.html") as page:
         # Numbers of the page have seven digits.
         assert plotted(page, "Limit depth", "limit") == pytest.approx(limit[0], rel=1e-6)
-        page.get_by_label("cut").select_option("3")
+        page.get_by_label("cut").select_option("machine 1, cut 1")
         assert plotted(page, "Limit depth", "limit") == pytest.approx(limit[3], rel=1e-6)
         lowest = plotted(page, "Lowest limit depth", "lowest")
         assert lowest == pytest.approx(limit.min(axis=1), rel=1e-6)
