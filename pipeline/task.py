@@ -3,7 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +45,8 @@ class Record:
 @lru_cache(maxsize=4)
 def _described(place: Place) -> Any:
     """Return what all chunks share as the store holds it, once a process."""
-    return kind_of(place).described(store.open_group(place))
+    group = store.open_group(place)
+    return kind_of(place).described(group.attrs.asdict(), partial(store.whole, group))
 
 
 def compute_chunk(task: Task) -> Record:

@@ -1,13 +1,12 @@
 """Data sets: machines and cuts of a design, each with its structure and limit depths over speed."""
 
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
-import zarr
 from pydantic import ValidationError
 
 from chatter_core.errors import InvalidInput, NoEquilibrium
@@ -99,14 +98,14 @@ class Dataset(Kind):
         words = {key: list(one.values) for key, one in varied.items() if isinstance(one, Choice) and one.of_words}
         return values, {"input": numbers, "split": drawn.split}, {"input_words": words, "licence": design.licence}
 
-    def described(self, group: zarr.Group) -> Described:
+    def described(self, attributes: Mapping[str, Any], read: Callable[[str], np.ndarray]) -> Described:
         """Return what all machines of a store share, and their numbers."""
-        said = cast(dict[str, Any], group.attrs["settings"])
+        said = attributes["settings"]
         return Described(
             base={**said["machine"], "effects": said.get("effects", {})},
             design=Design.model_validate(said["design"]),
             method=MethodSettings.model_validate(said["method"]),
-            numbers=np.asarray(cast(Any, group["input"])[...]),
+            numbers=read("input"),
         )
 
     def compute(self, described: Described, chunk: Chunk, kernel: str, effects_path: Path | None) -> Computed:

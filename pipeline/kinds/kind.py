@@ -1,13 +1,12 @@
 """What a kind of study is: what its store holds, how a chunk of it is computed, what people read of it."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zarr
 
 from chatter_core.variables import Variable
 from pipeline.chunks import Chunk
@@ -71,8 +70,8 @@ class Kind(ABC):
         """
 
     @abstractmethod
-    def described(self, group: zarr.Group) -> Any:
-        """Return what all chunks of a store share, read from it; kept as long as the process lives."""
+    def described(self, attributes: Mapping[str, Any], read: Callable[[str], np.ndarray]) -> Any:
+        """Return what all chunks of a store share, by its attributes and arrays; kept as long as the process lives."""
 
     @abstractmethod
     def compute(self, described: Any, chunk: Chunk, kernel: str, effects_path: Path | None) -> Computed:

@@ -4,10 +4,9 @@ import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
-import zarr
 
 from chatter_core.chain import structure_variables
 from chatter_core.errors import InvalidInput, NoEquilibrium
@@ -65,9 +64,9 @@ class Lobes(Kind):
         values = coordinate_values(settings)
         return values, _structure(settings, values), {}
 
-    def described(self, group: zarr.Group) -> Described:
+    def described(self, attributes: Mapping[str, Any], read: Callable[[str], np.ndarray]) -> Described:
         """Return what all chunks of a store share."""
-        said = cast(dict[str, Any], group.attrs["settings"])
+        said = attributes["settings"]
         names = ("modal_parameters", "preload", "mode_count", "spindle_speed", "axial_depth")
         return Described(
             machine=Machine.model_validate(said["machine"]),
@@ -77,7 +76,7 @@ class Lobes(Kind):
                 "mode_selection": said["grid"]["mode_selection"],
                 "cells": said["grid"]["cells"],
             },
-            values={name: np.asarray(cast(Any, group[name])[...]) for name in names},
+            values={name: read(name) for name in names},
         )
 
     def compute(self, described: Described, chunk: Chunk, kernel: str, effects_path: Path | None) -> Computed:

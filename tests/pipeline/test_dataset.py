@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +91,8 @@ def test_store_opens_in_xarray_with_names_units_and_parts(small):
 def test_a_machine_has_the_limits_and_modes_that_the_lobes_of_its_description_have(small):
     data = xr.open_zarr(small / STORE).load()
     settings = compose_settings(sort_words(list(SMALL), ()), DatasetSettings)
-    described = Dataset().described(store.open_group(Folder(small, STORE)))
+    group = store.open_group(Folder(small, STORE))
+    described = Dataset().described(group.attrs.asdict(), partial(store.whole, group))
     for machine, cut in ((0, 0), (3, 1)):
         block = lobe_block(
             described.cuts_of(machine, None)[cut],
