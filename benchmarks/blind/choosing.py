@@ -85,7 +85,7 @@ def replay(answer: dict[str, Any], numbers: Numbers) -> Replayed:
         name: [SimpleNamespace(chance=chance, text="") for chance in chances]
         for name, chances in answer["chances"].items()
     }
-    tried = [] if document["pair"] is None else [document["pair"], *document["other_pairs"]]
+    tried = [] if document["pair"] is None else [document["pair"], *document.get("other_pairs", [])]
     pairs: Any = [
         SimpleNamespace(
             name=one["effect"], gain=one["score"], best=SimpleNamespace(names=tuple(one["effect"].split(" + ")))
