@@ -8,7 +8,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from pipeline.dataset_tables import limit_or_deepest
+from pipeline.dataset_tables import limit_or_deepest, quantiles
 from pipeline.figures import COLOURS, panel
 from pipeline.sensitivity import KEY
 
@@ -43,9 +43,9 @@ def limits_over_speed(data: xr.Dataset) -> Figure:
             axes.plot(speed, line, lw=1.2, color=COLOURS[row % len(COLOURS)])
     else:
         for low, high in BANDS:
-            below, above = np.nanquantile(limit, [low, high], axis=0)
+            below, above = quantiles(limit, (low, high))
             axes.fill_between(speed, below, above, color=COLOURS[0], alpha=0.25, label=f"{low:.0%} to {high:.0%}")
-        axes.plot(speed, np.nanmedian(limit, axis=0), color=COLOURS[0], label="median of all cuts")
+        axes.plot(speed, quantiles(limit, (0.5,))[0], color=COLOURS[0], label="median of all cuts")
         axes.set_yscale("log")
         axes.legend(frameon=False)
     axes.set_xlabel("spindle speed [rpm]")

@@ -9,7 +9,7 @@ from bokeh.models import Model
 from bokeh.plotting import figure
 
 from pipeline.dataset_figures import BANDS, MOST_INPUTS, SHOWN
-from pipeline.dataset_tables import LOWEST, RATE, limit_or_deepest, numbered
+from pipeline.dataset_tables import LOWEST, RATE, limit_or_deepest, numbered, quantiles
 from pipeline.figures import COLOURS
 from pipeline.plots import Choices, add_key, hover, numbers, plot
 from pipeline.sensitivity import KEY
@@ -60,7 +60,7 @@ def _limits(data: xr.Dataset, samples: pd.DataFrame) -> tuple[figure, Choices]:
     entries = dict[str, list[Any]]()
     if len(limit) > 2:
         for low, high in BANDS:
-            below, above = (numbers(np.nanquantile(limit, share, axis=0)) for share in (low, high))
+            below, above = map(numbers, quantiles(limit, (low, high)))
             entries[f"{low:.0%} to {high:.0%} of all"] = [
                 made.varea(speed, below, above, fill_color=COLOURS[0], fill_alpha=0.18)
             ]

@@ -42,6 +42,14 @@ def limit_or_deepest(data: xr.Dataset) -> np.ndarray:
     return np.where(known, np.where(np.isnan(limit), deepest, limit), np.nan)
 
 
+def quantiles(limit: np.ndarray, shares: Sequence[float]) -> np.ndarray:
+    """Return quantiles (share, speed) of the limit depths (cut, speed) that are known, NaN where none is."""
+    found = np.full((len(shares), limit.shape[1]), np.nan)
+    known = ~np.isnan(limit).all(axis=0)
+    found[:, known] = np.nanquantile(limit[:, known], shares, axis=0)
+    return found
+
+
 def samples_table(data: xr.Dataset) -> pd.DataFrame:
     """Return a row for each cut: its numbers, part, what varies, lowest limit depth, and the cut that removes most.
 
@@ -53,6 +61,7 @@ def samples_table(data: xr.Dataset) -> pd.DataFrame:
     settled = np.nan_to_num(limit, nan=np.inf)
     lowest = settled.argmin(axis=1)
     rows = np.arange(len(limit))
+    known = ~np.isnan(limit).all(axis=1)
     best_speed, best_depth, best_rate = _best(data, limit, speed)
     return pd.DataFrame(
         {
@@ -60,8 +69,8 @@ def samples_table(data: xr.Dataset) -> pd.DataFrame:
             "cut": np.tile(data["cut"].values, machines),
             "part": np.repeat([PARTS[code] for code in data["split"].values], cuts),
             **inputs_table(data),
-            LOWEST: np.where(np.isinf(settled[rows, lowest]), np.nan, settled[rows, lowest]),
-            "at_spindle_speed_rpm": speed[lowest],
+            LOWEST: np.where(known, settled[rows, lowest], np.nan),
+            "at_spindle_speed_rpm": np.where(known, speed[lowest], np.nan),
             RATE: best_rate,
             "with_spindle_speed_rpm": best_speed,
             "with_axial_depth_mm": best_depth,

@@ -10,7 +10,7 @@ _PART = re.compile(r"([A-Za-z0-9_]+)|\[([0-9]{1,9})\]")
 def parts_of(key: str) -> list[str | int]:
     """Return the names and indices of a dotted key; raise ValueError when it is none."""
     parts = [int(index) if index else name for name, index in _PART.findall(key)]
-    if "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in parts).removeprefix(".") != key:
+    if not parts or "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in parts).removeprefix(".") != key:
         raise ValueError("the key is not of the form group.key or group.list[0].key")
     return parts
 

@@ -44,6 +44,8 @@ def sensitivity(data: xr.Dataset) -> tuple[pd.DataFrame, str]:
 
 def _swings(data: xr.Dataset, lowest: np.ndarray) -> tuple[pd.DataFrame, str]:
     """Return the change of the lowest limit depth with each key at its low and its high end, in per cent."""
+    if np.isnan(lowest[0]):
+        return pd.DataFrame(), "Changes are not told: the machine as described has no result at some speed."
     told = inputs_table(data)
     rows = []
     for place, key in enumerate(told.columns):
@@ -77,13 +79,13 @@ def _indices(keys: list[str], lowest: np.ndarray, known: np.ndarray) -> tuple[pd
 
 def _of_given(keys: list[str], numbers: np.ndarray, logarithm: np.ndarray) -> tuple[pd.DataFrame, str]:
     """Return how far each input moves the distribution, and to which side, of any sample."""
-    problem = {"num_vars": len(keys), "names": keys, "bounds": [[0.0, 1.0]] * len(keys)}
-    found = pawn.analyze(problem, numbers, logarithm, S=CLASSES)
     varies = np.ptp(numbers, axis=0) > 0.0
-    correlation = [
-        float(stats.spearmanr(numbers[:, i], logarithm).statistic) if varies[i] else 0.0 for i in range(len(keys))
-    ]
-    table = _table(keys, {"rank_correlation": correlation, "distance": found["median"]}, "distance")
+    names = [key for key, those in zip(keys, varies, strict=True) if those]
+    problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
+    distance, correlation = np.zeros((2, len(keys)))
+    distance[varies] = pawn.analyze(problem, numbers[:, varies], logarithm, S=CLASSES)["median"]
+    correlation[varies] = [stats.spearmanr(column, logarithm).statistic for column in numbers[:, varies].T]
+    table = _table(keys, {"rank_correlation": correlation, "distance": distance}, "distance")
     text = "Distance between the distribution of the lowest limit depth and that with one input known (PAWN, 0 to 1)."
     return table, text
 

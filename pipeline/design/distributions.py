@@ -12,14 +12,17 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_valida
 from scipy import stats
 
 from chatter_core.machine import no_truth_value
+from chatter_core.reading import shown
 
 Array = NDArray[np.float64]
 
 #: Tails of an unbounded distribution that no level of a grid or end of a range lies in.
 TAIL = 0.05
 MOST_LEVELS = 10_000
+#: Largest number, and least of those whose ratio is drawn: differences and ratios of two stay finite.
+MOST, LEAST_OF_RATIOS = 1e100, 1e-100
 #: A number, which true and false are not.
-Number = Annotated[float, BeforeValidator(no_truth_value)]
+Number = Annotated[float, Field(ge=-MOST, le=MOST), BeforeValidator(no_truth_value)]
 #: How many values of a distribution a grid takes.
 Levels = Annotated[int, Field(ge=1, le=MOST_LEVELS), BeforeValidator(no_truth_value)]
 
@@ -36,6 +39,10 @@ class Distribution(BaseModel):
     def value(self, number: float) -> float | int | str:
         """Return what a description says for a drawn number."""
         return number
+
+    def number_of(self, said: Any) -> float | None:
+        """Return the number that stands for what a description says, None where none does."""
+        return float(said) if isinstance(said, int | float) else None
 
     def ends(self) -> Array:
         """Return a low and a high number (2,): the bounds, or where it has none the quantiles 5 and 95 %."""
@@ -86,8 +93,8 @@ class LogUniform(_Between):
 
     @model_validator(mode="after")
     def _is_positive(self) -> Self:
-        if self.low <= 0.0:
-            raise ValueError(f"low: found {self.low:g}, allowed: more than 0")
+        if self.low < LEAST_OF_RATIOS:
+            raise ValueError(f"low: found {self.low:g}, allowed: more than 0, at least {LEAST_OF_RATIOS:g}")
         return self
 
     def quantile(self, share: Array) -> Array:
@@ -115,6 +122,10 @@ class Integer(_Between):
     def value(self, number: float) -> int:
         """Return what a description says for a drawn number."""
         return int(number)
+
+    def number_of(self, said: Any) -> float | None:
+        """Return the number that stands for what a description says, None where none does."""
+        return float(said) if isinstance(said, int | float) and said == round(said) else None
 
     def at_levels(self) -> Array:
         """Return the numbers of a grid: all of them."""
@@ -175,6 +186,8 @@ class Choice(Distribution):
     def _numbers_or_words(cls, given: Any) -> Any:
         for one in given if isinstance(given, list | tuple) else []:
             no_truth_value(one)
+            if isinstance(one, int | float) and not abs(one) <= MOST:
+                raise ValueError(f"found {shown(one)}, allowed: numbers of at most {MOST:g}, or words")
         return given
 
     @model_validator(mode="after")
@@ -201,6 +214,10 @@ class Choice(Distribution):
     def value(self, number: float) -> float | int | str:
         """Return what a description says for a drawn number."""
         return self.values[int(np.flatnonzero(self._numbers() == number)[0])]
+
+    def number_of(self, said: Any) -> float | None:
+        """Return the number that stands for what a description says, None where none does."""
+        return float(self._numbers()[self.values.index(said)]) if said in self.values else None
 
     def ends(self) -> Array:
         """Return a low and a high number (2,): the least and the largest, or first and last of words."""

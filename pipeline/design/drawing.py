@@ -14,6 +14,7 @@ from SALib.sample import sobol as saltelli
 from scipy.stats import qmc
 
 from chatter_core.errors import InvalidInput
+from chatter_core.reading import shown
 from pipeline.design.described import Description, described, satisfies
 from pipeline.design.settings import DRAWN, Design, Level
 from pipeline.keys import get
@@ -141,14 +142,12 @@ def _one_at_a_time(level: Level, base: Description) -> Array:
 def _own_number(base: Description, key: str, level: Level) -> float:
     """Return the number that stands for what a description says itself at a key."""
     value, varied = get(base, key), level.vary[key]
-    if isinstance(value, str):
-        words = getattr(varied, "values", ())
-        if value not in words:
-            raise ValueError(f"machine.vary.{key}: the description says {value!r}, which is not among its values")
-        return float(words.index(value))
     if value is None:
         raise ValueError(f"machine.vary.{key}: the description says nothing there, and one at a time begins with it")
-    return float(value)
+    number = varied.number_of(value)
+    if number is None:
+        raise ValueError(f"machine.vary.{key}: the description says {shown(value)}, which is not among its values")
+    return number
 
 
 def _saltelli(design: Design) -> Array:

@@ -9,6 +9,7 @@ reached.
 
 import ast
 import math
+import sys
 from functools import lru_cache
 from typing import Any
 
@@ -22,9 +23,12 @@ CONSTANTS = {"pi": math.pi}
 OPERATORS = {
     kind: simpleeval.DEFAULT_OPERATORS[kind]
     for kind in (
-        *(ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.USub, ast.UAdd, ast.Not),
+        *(ast.Add, ast.Sub, ast.Mult, ast.Div, ast.USub, ast.UAdd, ast.Not),
         *(ast.Eq, ast.NotEq, ast.Lt, ast.LtE, ast.Gt, ast.GtE),
     )
+} | {
+    # Of floating-point numbers: a power of whole ones may have millions of digits, and take seconds.
+    ast.Pow: math.pow
 }
 #: Characters of a formula.
 LONGEST = 500
@@ -56,6 +60,8 @@ class Formula:
             operators=OPERATORS,
             allowed_attrs={dict: _keys(description)},
         )
+        # Formatted text is written out, however long, before the library asks how long it is.
+        del evaluator.nodes[ast.JoinedStr]
         try:
             return evaluator.eval(self.text, previously_parsed=self._parsed)
         except Exception as error:
@@ -65,7 +71,7 @@ class Formula:
     def number(self, description: dict[str, Any]) -> float:
         """Return its value, a finite number; raises ValueError in one sentence."""
         found = self(description)
-        if isinstance(found, bool) or not isinstance(found, int | float) or not math.isfinite(found):
+        if isinstance(found, bool) or not isinstance(found, int | float) or not abs(found) <= sys.float_info.max:
             raise ValueError(f"{self.text!r} is {found!r}, allowed: a finite number")
         return float(found)
 

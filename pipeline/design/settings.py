@@ -1,5 +1,6 @@
 """What a design says: what varies and how, which combinations are left out, at which speeds, and how it is split."""
 
+import math
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -14,9 +15,11 @@ from pipeline.settings import Axis, Part
 Varied = Annotated[Uniform | LogUniform | Normal | Integer | Choice, Field(discriminator="distribution")]
 #: Parts of a description that a cut is: whatever they say, the machine's modes stay the same.
 CUT_PARTS = ("tool", "cutting", "process")
-Words = Annotated[str, Field(min_length=1, max_length=200)]
+Words = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]{1,200}$")]
 #: Limits of a design's size.
 MOST_MACHINES, MOST_CUTS, MOST_RULES = 1_000_000, 10_000, 200
+#: Cuts times speeds of a machine, which are computed and written together.
+MOST_OF_A_MACHINE = 10_000_000
 #: Ways to choose the machines: drawn, laid out, or as an analysis of sensitivities needs them.
 DRAWN = ("sobol", "latin_hypercube", "random")
 
@@ -50,9 +53,11 @@ class Level(Part):
     def _is_understood(self) -> Self:
         for key in (*self.vary, *self.formulas):
             try:
-                parts_of(key)
+                parts = parts_of(key)
             except ValueError as error:
                 raise ValueError(f"{key}: {error}") from None
+            if parts[0] == "effects" and len(parts) < 3:
+                raise ValueError(f"{key}: found a whole effect, allowed: one of its values, effects.NAME.KEY")
         for key, text in self.formulas.items():
             if key in self.vary:
                 raise ValueError(f"formulas: {key} varies already")
@@ -73,14 +78,18 @@ class Level(Part):
 
 
 def flat(given: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested keys as dotted ones: ``{tool: {teeth: ...}}`` as ``{tool.teeth: ...}``."""
+    """Return nested keys as dotted ones: ``{tool: {teeth: ...}}`` as ``{tool.teeth: ...}``.
+
+    Raises ValueError for a key that stands there in both ways.
+    """
     found: dict[str, Any] = {}
     for key, one in given.items():
         where = f"{prefix}.{key}" if prefix else str(key)
-        if isinstance(one, dict) and "distribution" not in one and one:
-            found |= flat(one, where)
-        else:
-            found[where] = one
+        nested = isinstance(one, dict) and "distribution" not in one and one
+        for inner, value in (flat(one, where) if nested else {where: one}).items():
+            if inner in found:
+                raise ValueError(f"{inner} stands twice, nested and dotted")
+            found[inner] = value
     return found
 
 
@@ -156,16 +165,31 @@ class Design(Part):
             raise ValueError(f"machines: {'missing, needed' if self.machines is None else 'not allowed'} {way}")
         if self.sampling == "saltelli" and self.machines and self.machines & (self.machines - 1):
             raise ValueError(f"machines: found {self.machines}, allowed {way}: a power of two")
-        if self.sampling == "grid":
-            self._fits_a_grid()
-        elif self.sampling not in DRAWN and (self.cut.vary or self.machine.constraints or self.cut.constraints):
-            raise ValueError(f"cut.vary and constraints: not allowed {way}; what varies stands in machine.vary")
+        if self.sampling == "grid" and (self.cuts_per_machine is not None or self.cut.constraints):
+            raise ValueError("cuts_per_machine, cut.constraints: not allowed for sampling grid, which has all its cuts")
+        if self.sampling in ("one_at_a_time", "saltelli"):
+            if self.cut.vary or self.machine.constraints or self.cut.constraints:
+                raise ValueError(f"cut.vary and constraints: not allowed {way}; what varies stands in machine.vary")
+            if self.cuts_per_machine is not None:
+                raise ValueError(f"cuts_per_machine: not allowed {way}, which has one cut of each")
         return self
 
-    def _fits_a_grid(self) -> None:
-        if self.cuts_per_machine is not None or self.cut.constraints:
-            raise ValueError("cuts_per_machine, cut.constraints: not allowed for sampling grid, which has all its cuts")
-        sizes = [len(levels) for level in (self.machine, self.cut) for levels in level.at_levels()]
-        points = int(np.prod(sizes, dtype=object))
-        if points > MOST_MACHINES:
-            raise ValueError(f"found a grid of {points} points, allowed: at most {MOST_MACHINES}")
+    @model_validator(mode="after")
+    def _is_of_a_size_that_can_be(self) -> Self:
+        machines, cuts = self._machines_and_cuts()
+        if machines * cuts > MOST_MACHINES:
+            raise ValueError(f"found {machines} machines, cuts of each: {cuts}; allowed: at most {MOST_MACHINES} cuts")
+        speeds = len(self.spindle_speed_rpm.points())
+        if cuts * speeds > MOST_OF_A_MACHINE:
+            found = f"found {cuts} cuts of each machine at {speeds} speeds"
+            raise ValueError(f"{found}, allowed: at most {MOST_OF_A_MACHINE} together")
+        return self
+
+    def _machines_and_cuts(self) -> tuple[int, int]:
+        """Return the number of machines, of a grid before its constraints, and of the cuts of each."""
+        if self.sampling == "grid":
+            machines, cuts = (math.prod(map(len, level.at_levels())) for level in (self.machine, self.cut))
+            return machines, cuts
+        keys = len(self.machine.vary)
+        machines = 1 + 2 * keys if self.machines is None else self.machines
+        return machines * (keys + 2) if self.sampling == "saltelli" else machines, self.cuts_per_machine or 1

@@ -162,7 +162,11 @@ def _model(description: Description, effects_path: Path | None) -> Stages:
 def _check(settings: DatasetSettings, numbers: np.ndarray) -> None:
     """Raise InvalidInput for the first machine of a design that cannot be."""
     for machine, cuts in enumerate(numbers):
-        for cut, description in enumerate(descriptions(settings.base, settings.design, cuts)):
+        try:
+            found = descriptions(settings.base, settings.design, cuts)
+        except ValueError as error:
+            raise InvalidInput([f"design: {error}"]) from None
+        for cut, description in enumerate(found):
             try:
                 _model(description, settings.effects_path)
                 continue

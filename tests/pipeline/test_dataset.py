@@ -243,6 +243,45 @@ def test_what_is_wrong_is_told_in_a_sentence(tmp_path, words, told):
     assert not (tmp_path / "new").exists()
 
 
+@pytest.mark.parametrize(
+    ("cut", "told"),
+    [
+        ("{vary: {process.radial_immersion: [0.1]}, formulas: {cutting.kn: 1 / 0}}", "division by zero"),
+        ("{vary: {'tool[0]': [1]}}", "tool[0] cannot be put there"),
+    ],
+)
+def test_what_is_wrong_with_the_cuts_of_a_grid_is_told(tmp_path, cut, told):
+    own = tmp_path / "design.yaml"
+    own.write_text(
+        "title: T\nsampling: grid\nseed: 1\nspindle_speed_rpm: [9000]\ndeepest_mm: 5\nmode_count: 2\n"
+        f"machine: {{vary: {{tool.teeth: [2]}}}}\ncut: {cut}\n"
+    )
+    with pytest.raises(InvalidInput) as caught:
+        dataset.run(["study=dataset_small", f"design={own}", f"output={tmp_path / 'new'}"])
+    assert told in str(caught.value)
+
+
+@pytest.mark.parametrize("study", ["sensitivity", "parameter_study"])
+def test_a_study_without_any_result_is_reported_without_numbers(monkeypatch, tmp_path, study):
+    monkeypatch.setattr(Dataset, "kernel", "tests.pipeline.test_dataset:standin")
+    words = [f"study={study}", "design.spindle_speed_rpm=[9000]", "cluster=serial", "spindle.preload_n=600"]
+    assert dataset.run([*words, "vary.tool.teeth=[2, 3, 4]", f"output={tmp_path}"]) == 1
+    rows = [row.split(",") for row in (tmp_path / "tables" / "samples.csv").read_text().splitlines()]
+    for name in ("lowest_limit_depth_mm", "at_spindle_speed_rpm"):
+        assert {row[rows[0].index(name)] for row in rows[1:]} == {""}
+    assert not (tmp_path / "tables" / "sensitivity.csv").exists()
+
+
+def test_an_input_of_one_value_has_no_part_in_what_limits_depend_on(quick, tmp_path):
+    words = ["study=sensitivity", "cluster=serial", "design.spindle_speed_rpm=[6000]", "design.sampling=random"]
+    words += ["design.machines=64", "vary.tool.teeth=[4]", "vary.spindle.preload_n=[50, 80, 100, 150]"]
+    assert dataset.run([*words, f"output={tmp_path}"]) == 0
+    table, _ = sensitivity(xr.open_zarr(tmp_path / STORE).load())
+    assert table["key"].tolist() == ["spindle.preload_n", "tool.teeth"]
+    assert table.iloc[1][["rank_correlation", "distance"]].tolist() == [0.0, 0.0]
+    assert table.iloc[0]["rank_correlation"] == pytest.approx(1.0)
+
+
 def test_a_sweep_says_that_a_data_set_is_another_verbs(tmp_path, capsys):
     assert main(["sweep", "study=dataset_small", f"output={tmp_path / 'new'}"]) == 2
     assert "python -m pipeline dataset" in capsys.readouterr().err

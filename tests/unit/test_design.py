@@ -124,6 +124,28 @@ def test_one_at_a_time_begins_with_the_description_itself():
     assert found.tolist() == [[16.0, 1.0], [8.0, 1.0], [24.0, 1.0], [16.0, 0.0], [16.0, 1.0]]
 
 
+@pytest.mark.parametrize(
+    ("key", "varied"),
+    [
+        ("tool.teeth", [2, 3]),
+        ("tool.teeth", ["a", "b"]),
+        ("process.direction", UNIFORM),
+        ("tool", UNIFORM),
+        ("spindle.sections[0].outer_diameter_mm", {"distribution": "integer", "low": 10, "high": 20}),
+    ],
+)
+def test_one_at_a_time_refuses_what_cannot_say_what_the_description_says(key, varied):
+    with pytest.raises(InvalidInput, match=r"the description says .*, which is not among its values"):
+        draw(design(sampling="one_at_a_time", machines=None, machine={"vary": {key: varied}}), BASE)
+
+
+@pytest.mark.parametrize(("sampling", "machines"), [("one_at_a_time", None), ("saltelli", 8)])
+def test_analyses_have_one_cut_of_each_machine(sampling, machines):
+    """Their rows are read by their place: further cuts would be taken for other machines."""
+    said = {"sampling": sampling, "machines": machines, "machine": {"vary": {"tool.diameter_mm": UNIFORM}}}
+    assert "cuts_per_machine: not allowed" in told(cuts_per_machine=2, **said)
+
+
 @pytest.mark.parametrize("machines", [1, 2, 7, 10, 1000])
 def test_parts_are_as_large_as_their_shares_say(machines):
     said = {"sampling": "random", "machines": machines, "machine": {"vary": {"tool.diameter_mm": UNIFORM}}}
@@ -149,6 +171,22 @@ def test_parts_are_as_large_as_their_shares_say(machines):
         ({"sampling": "grid", "machines": None, "machine": {"vary": {"tool.teeth": UNIFORM}}}, "levels: missing"),
         ({"machines": None, "machine": {"vary": {"tool.teeth": UNIFORM}}}, "machines: missing"),
         ({"sampling": "saltelli", "machines": 12, "machine": {"vary": {"tool.teeth": UNIFORM}}}, "a power of two"),
+        ({"sampling": "grid", "machines": None, "machine": {"vary": {"tool.teeth": [10**400, 2]}}}, "at most 1e+100"),
+        ({"machine": {"vary": {"tool.teeth": {**UNIFORM, "high": 1e308}}}}, "high"),
+        ({"machine": {"vary": {"tool": {"teeth": [2]}, "tool.teeth": [3]}}}, "tool.teeth stands twice"),
+        ({"machine": {"vary": {"": [2]}}}, "the key is not of the form"),
+        ({"machine": {"vary": {"effects.tool_runout": [2]}}}, "found a whole effect"),
+        ({"machines": 10_000, "cuts_per_machine": 1_000, "machine": {"vary": {"tool.teeth": [2]}}}, "at most 1000000"),
+        ({"sampling": "saltelli", "machines": 2**19, "machine": {"vary": {"tool.teeth": [2]}}}, "at most 1000000"),
+        (
+            {
+                "cuts_per_machine": 100,
+                "spindle_speed_rpm": {"start": 1.0, "stop": 2.0, "count": 1_000_000},
+                "machine": {"vary": {"tool.teeth": [2]}},
+            },
+            "at most 10000000 together",
+        ),
+        ({"title": "a\n# b", "machine": {"vary": {"tool.teeth": [2]}}}, "title"),
         ({"splits": {"train": 0.5}, "machine": {"vary": {"tool.teeth": UNIFORM}}}, "allowed: 1"),
     ],
 )
@@ -171,6 +209,9 @@ def test_what_is_wrong_is_told(said, words):
         ({"formulas": {"tool.a": "9 ** 9 ** 9 ** 9"}}, "has no value"),
         ({"formulas": {"tool.a": "'%999999999d' % 3"}}, "has no value"),
         ({"formulas": {"tool.a": "open('x')"}}, "has no value"),
+        ({"formulas": {"tool.a": "9 ** 400"}}, "has no value"),
+        ({"formulas": {"tool.a": "9" * 400}}, "a finite number"),
+        ({"formulas": {"tool.a": "f'{1:>999999999}'"}}, "has no value"),
     ],
 )
 def test_what_cannot_be_drawn_is_told(level, words):
