@@ -237,7 +237,8 @@ def test_help_is_given_wherever_it_is_asked_for(capsys):
 
 def test_help_and_version(capsys):
     assert main(["--help"]) == 0
-    assert "study    overnight, paper_alone, paper_together, reference, smoke" in capsys.readouterr().out
+    studies = "dataset_overnight, dataset_small, overnight, paper_alone, paper_together, parameter_study, reference"
+    assert f"study    {studies}, sensitivity, smoke" in capsys.readouterr().out
     assert main(["--version"]) == 0
     assert capsys.readouterr().out.strip().count(".") == 2
     assert main([]) == 2
