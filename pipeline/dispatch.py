@@ -9,16 +9,18 @@ from dataclasses import replace
 from types import FrameType
 
 from distributed import Client, Future, as_completed
+from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 
 from chatter_core.variables import STATUS
 from pipeline import store
-from pipeline.cluster import POLL, RESULT_PATIENCE, Workers
+from pipeline.cluster import KEPT, POLL, RESULT_PATIENCE, Workers
+from pipeline.errors import WorkersLost
 from pipeline.task import Record, Task, compute_chunk
 
 #: Tasks handed out beyond those being computed, for each worker.
 WINDOW = 3
-#: Attempts at a chunk whose worker died.
+#: Further attempts at a chunk that could not be written; Dask's scheduler counts deaths of workers by itself.
 RETRIES = 2
 #: Seconds between two looks for whether a task has been begun.
 LOOK = 0.1
@@ -67,10 +69,16 @@ def signals() -> Iterator[Stopping]:
 def dispatched(tasks: Iterable[Task], client: Client | None, stopping: Stopping, patience: float) -> Iterator[Record]:
     """Yield what became of every task, in the order in which they end, until stopped; without a client, here.
 
-    Raises WorkersLost when there is no worker for ``patience`` seconds.
+    Raises WorkersLost when there is no worker for ``patience`` seconds, or no scheduler any more.
     """
     if client is not None:
-        yield from _distributed(tasks, client, stopping, Workers(client, patience))
+        try:
+            yield from _distributed(tasks, client, stopping, Workers(client, patience))
+        except CommClosedError as error:
+            # A signal to the whole process group may have taken the scheduler along.
+            if stopping.number:
+                raise
+            raise WorkersLost(f"cluster: the scheduler does not answer any more ({error}); {KEPT}") from None
         return
     for task in tasks:
         if stopping.asked:
@@ -84,13 +92,13 @@ def _distributed(tasks: Iterable[Task], client: Client, stopping: Stopping, work
     The window is as wide as there are workers at the time. A worker that dies puts all tasks it held under suspicion;
     each of those is tried again alone.
     """
-    waiting, suspects = iter(tasks), list[Task]()
+    waiting, suspects, taken_away = iter(tasks), list[Task](), list[Task]()
     running = as_completed()
     owner: dict[str, Task] = {}
 
     def hand_out() -> None:
         while not stopping.asked and len(owner) < workers.count * (1 + WINDOW):
-            task = next(waiting, None)
+            task = taken_away.pop() if taken_away else next(waiting, None)
             if task is None:
                 return
             future = client.submit(compute_chunk, task, pure=False, retries=RETRIES)
@@ -106,12 +114,13 @@ def _distributed(tasks: Iterable[Task], client: Client, stopping: Stopping, work
         else:
             future = next(running)
             task = owner.pop(future.key)
-            if not future.cancelled():
-                record = _record_of(future)
-                if record is None:
-                    suspects.append(task)
-                else:
-                    yield record
+            if future.cancelled():
+                # By this run, which is to stop, or by whoever restarted the scheduler: then it is handed out again.
+                taken_away.append(task)
+            elif (record := _record_of(future)) is None:
+                suspects.append(task)
+            else:
+                yield record
         hand_out()
     for task in suspects:
         if not stopping.asked:
@@ -147,7 +156,9 @@ def _speed_by_speed(task: Task, client: Client, stopping: Stopping, workers: Wor
     for speed in range(chunk.first, chunk.last):
         if stopping.asked:
             return None
-        record = _alone(replace(task, chunk=replace(chunk, first=speed, last=speed + 1)), client, workers)
+        record = _alone(replace(task, chunk=replace(chunk, first=speed, last=speed + 1)), client, stopping, workers)
+        if record is None:
+            return None
         for name, count in record.counts.items():
             counts[name] = counts.get(name, 0) + count
         errors += record.errors
@@ -155,13 +166,15 @@ def _speed_by_speed(task: Task, client: Client, stopping: Stopping, workers: Wor
     return Record(chunk=chunk, counts=counts, seconds=seconds, errors=tuple(errors))
 
 
-def _alone(task: Task, client: Client, workers: Workers) -> Record:
-    """Compute a part of a chunk with nothing beside it; where its worker dies, mark it."""
+def _alone(task: Task, client: Client, stopping: Stopping, workers: Workers) -> Record | None:
+    """Compute a part of a chunk with nothing beside it; where its worker dies, mark it. None where stopped before."""
     future = client.submit(compute_chunk, task, pure=False)
-    began = _begun(future, client, workers)
+    began = _begun(future, client, stopping, workers)
     while not future.done():
         workers.look()
         time.sleep(POLL)
+    if future.cancelled():
+        return None if stopping.asked else _alone(task, client, stopping, workers)
     record = _record_of(future)
     if record is not None:
         return record
@@ -172,9 +185,11 @@ def _alone(task: Task, client: Client, workers: Workers) -> Record:
     return Record(chunk=task.chunk, counts={why: lost}, seconds=took, errors=(TOLD[why],))
 
 
-def _begun(future: Future, client: Client, workers: Workers) -> float:
-    """Wait until a task has a worker, or has ended already; return the time."""
+def _begun(future: Future, client: Client, stopping: Stopping, workers: Workers) -> float:
+    """Wait until a task has a worker, or has ended already; return the time. Where stopped it is taken back."""
     while not future.done() and not any(future.key in keys for keys in client.processing().values()):
+        if stopping.asked:
+            future.cancel()
         workers.look()
         time.sleep(LOOK)
     return time.monotonic()

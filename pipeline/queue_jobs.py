@@ -159,7 +159,11 @@ class KeptJobs:
         while not self._over.wait(LOOK):
             living = _living(self.kind)
             if living is not None:
-                self._replace(living)
+                try:
+                    self._replace(living)
+                except OSError as error:
+                    # A log that cannot be read, a process that cannot be started: the next look may find better.
+                    print(f"the jobs could not be looked after: {error}", file=sys.stderr, flush=True)
 
     def _replace(self, living: set[str]) -> None:
         """Submit a job for every one that is not among the living any more."""

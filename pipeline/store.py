@@ -138,6 +138,11 @@ def kind_in(group: zarr.Group) -> Kind:
     return KINDS[str(group.attrs.get("kind", LOBES))]
 
 
+def identity(group: zarr.Group) -> str:
+    """Return what no other store shares that ever lay in the same place: what it is of, when it was made and packed."""
+    return " ".join(str(group.attrs.get(name)) for name in ("fingerprint", "entries_per_chunk", "created", "packed"))
+
+
 def chunks(group: zarr.Group) -> Chunks:
     """Return every chunk of a store."""
     shape, outer = array_of(group, "status").shape, kind_in(group).outer
@@ -329,7 +334,7 @@ def provenance(argv: list[str]) -> dict[str, Any]:
         "command": argv,
         "versions": {"python": platform.python_version(), **{name: _version(name) for name in packages}},
         "platform": f"{sys.platform} {platform.machine()}",
-        "code": _code_version(),
+        "code": code_version(),
     }
 
 
@@ -340,7 +345,7 @@ def _version(package: str) -> str:
         return "not installed"
 
 
-def _code_version() -> str:
+def code_version() -> str:
     """Return the commit of the code, and whether it was changed since; "released" outside a checkout."""
     here = Path(__file__).resolve().parent
 

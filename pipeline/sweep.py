@@ -123,6 +123,8 @@ def carry_on(
 
 def _prepare(settings: Study, place: Place, argv: list[str]) -> None:
     """Create the store, or check that the one that is there belongs to these settings."""
+    # What lies here need not be what lay here when this process looked last.
+    store.forget()
     names = place.names()
     if {RECORD, place.root} <= names:
         existing: dict[str, Any] = store.check(place).attrs.asdict()
@@ -136,6 +138,9 @@ def _prepare(settings: Study, place: Place, argv: list[str]) -> None:
     if names - OF_A_CREATION:
         name = place.option.partition("=")[0]
         raise InvalidInput([f"{place}: holds files that are no study; choose an empty place with {name}="])
+    if len(store.written_at(place)):
+        restored = f"restored by: python -m pipeline verify {place.option} repair=true"
+        raise InvalidInput([f"{place}: {RECORD} is missing beside a store that holds results; {restored}"])
     # The record is written after the template, so a template that was cut short is made again.
     store.create(place, settings, argv)
     place.write(RECORD, settings.record().encode())
@@ -158,7 +163,7 @@ def _compute(
     numbers = np.flatnonzero(missing)
     if not len(numbers):
         return counts
-    begun = f"{store.now()} {len(numbers)} of {len(every)} chunks to compute"
+    begun = f"{store.now()} {len(numbers)} of {len(every)} chunks to compute, code {store.code_version()}"
     metadata.update(place, history=[*metadata.attributes(place)["history"], begun])
     # Many writers of one shard would lose each other's chunks.
     cluster = Cluster(kind="serial") if store.is_packed(group) else settings.cluster
@@ -167,6 +172,7 @@ def _compute(
         place=place.anywhere(),
         chunk=every[int(numbers[0])],
         kernel=kernel or kind.kernel,
+        made=store.identity(group),
         effects_path=own,
         time_limit=limit,
     )

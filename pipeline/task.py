@@ -21,6 +21,7 @@ from pipeline.time_limit import limited
 class Task:
     """One chunk of a store; ``kernel`` names module and function that compute it.
 
+    made: what no other store that ever lay in its place shares, by which a worker knows that it is not the one before;
     effects_path: folder with effects of the user's own, as the command line named it; a store never does.
     time_limit: seconds after which the worker's process ends with everything in it, none: never.
     """
@@ -28,6 +29,7 @@ class Task:
     place: Place
     chunk: Chunk
     kernel: str
+    made: str = ""
     effects_path: Path | None = None
     time_limit: float | None = None
 
@@ -40,6 +42,18 @@ class Record:
     counts: dict[str, int]
     seconds: float
     errors: tuple[str, ...]
+
+
+#: Which store each place held when this process was last asked for a chunk of it.
+_known: dict[Place, str] = {}
+
+
+def _know(task: Task) -> None:
+    """Forget what is kept of the store that lay in a place before: workers outlive a study that is made anew there."""
+    if _known.get(task.place) != task.made:
+        store.forget()
+        _described.cache_clear()
+        _known[task.place] = task.made
 
 
 @lru_cache(maxsize=4)
@@ -55,6 +69,7 @@ def compute_chunk(task: Task) -> Record:
     Errors of the physics are narrowed down and marked. Errors of writing are not caught: they end the run.
     """
     began = time.perf_counter()
+    _know(task)
     status = store.readable_status(store.open_group(task.place), task.chunk)
     if status.all():
         return _record(task, status, began, ())
@@ -78,6 +93,7 @@ def _record(task: Task, status: np.ndarray, began: float, errors: Sequence[str])
 
 def compute_first(task: Task) -> None:
     """Compute as little as has everything compiled that a chunk needs, and forget it."""
+    _know(task)
     kind = kind_of(task.place)
     if task.kernel == kind.kernel:
         kind.compute_first(_described(task.place), task.effects_path)

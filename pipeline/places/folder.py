@@ -72,20 +72,21 @@ class Folder(Place):
         return {entry.name for entry in self.output.iterdir()} if self.output.is_dir() else set()
 
     def written(self, folder: str) -> Iterator[tuple[str, float]]:
-        """Yield every file in a folder, and when it was written [s since 1970]."""
-        return ((key, when) for key, when in self._files(folder) if not key.endswith(PARTIAL))
+        """Yield every file in a folder, and when it was written [s since 1970]; not what a lost machine left empty."""
+        return ((key, seen.st_mtime) for key, seen in self._files(folder) if seen.st_size and not key.endswith(PARTIAL))
 
     def read(self, key: str) -> bytes:
         """Return the content of a file."""
         return (self.output / key).read_bytes()
 
     def write(self, key: str, content: bytes) -> None:
-        """Write a file whole or not at all."""
+        """Write a file whole or not at all, and have it on the disk, since a machine may be lost too."""
         file = self.output / key
         file.parent.mkdir(parents=True, exist_ok=True)
         partial = file.with_name(f"{file.name}{PARTIAL}")
         try:
             partial.write_bytes(content)
+            settle(partial)
             os.replace(partial, file)
         finally:
             partial.unlink(missing_ok=True)
@@ -100,19 +101,26 @@ class Folder(Place):
 
     def exchange(self) -> None:
         """Put the packed store in the place of the one that it was made from."""
+        # The one that goes is the only other one.
+        for path in (self.output / PACKING).rglob("*"):
+            settle(path)
         (self.output / self.root).rename(self.output / f"{UNPACKED}{self.root}")
         (self.output / PACKING).rename(self.output / self.root)
         shutil.rmtree(self.output / f"{UNPACKED}{self.root}")
 
     def _tidy(self) -> None:
         """Bring back the store where packing was killed at its last step, and remove what is half-written."""
-        if not (self.output / self.root).exists() and (self.output / f"{UNPACKED}{self.root}").exists():
-            (self.output / f"{UNPACKED}{self.root}").rename(self.output / self.root)
+        unpacked = self.output / f"{UNPACKED}{self.root}"
+        if not (self.output / self.root).exists() and unpacked.exists():
+            unpacked.rename(self.output / self.root)
+        # Of a packing that was killed while it removed what it had taken the place of, or before.
+        for left in (unpacked, self.output / PACKING):
+            shutil.rmtree(left, ignore_errors=True)
         for key in [key for key, _ in self._files(self.root) if key.endswith(PARTIAL)]:
             self.delete(key)
 
-    def _files(self, folder: str) -> Iterator[tuple[str, float]]:
-        """Yield key and time of every file in a folder, and in those in it."""
+    def _files(self, folder: str) -> Iterator[tuple[str, os.stat_result]]:
+        """Yield key and state of every file in a folder, and in those in it."""
         # What is just being written, or taken back, may be gone again.
         with suppress(FileNotFoundError, NotADirectoryError), os.scandir(self.output / folder) as entries:
             for entry in entries:
@@ -121,4 +129,13 @@ class Folder(Place):
                     yield from self._files(key)
                 else:
                     with suppress(FileNotFoundError):
-                        yield key, entry.stat().st_mtime
+                        yield key, entry.stat()
+
+
+def settle(path: Path) -> None:
+    """Wait until a file or folder is on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

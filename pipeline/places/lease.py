@@ -163,7 +163,7 @@ class Lease:
         with clear_words(self.address):
             try:
                 return str(obstore.put(self.objects, LOCK, content, mode=condition)["e_tag"])
-            except (AlreadyExistsError, PreconditionError):
+            except (AlreadyExistsError, PreconditionError, FileNotFoundError):
                 raise _Refused from None
 
     def _read(self) -> _Lock | None:

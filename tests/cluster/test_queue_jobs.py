@@ -252,3 +252,23 @@ def living() -> list[str]:
     """Return the numbers of the jobs that have not ended."""
     said = subprocess.run(["qselect", "-u", "me"], capture_output=True, text=True, check=True).stdout
     return [line.partition(".")[0] for line in said.splitlines()]
+
+
+def test_a_look_at_the_jobs_that_fails_is_not_the_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept = queue_jobs.KeptJobs(queue_jobs.Arrivals(), "slurm", 1, lambda name: None, tmp_path)
+    looked = list[set[str]]()
+
+    def replace(living: set[str]) -> None:
+        looked.append(living)
+        if len(looked) == 1:
+            raise OSError(116, "Stale file handle")
+        kept._over.set()
+
+    monkeypatch.setattr("pipeline.queue_jobs.LOOK", 0.0)
+    monkeypatch.setattr("pipeline.queue_jobs._living", lambda kind: {"17"})
+    monkeypatch.setattr(kept, "_replace", replace)
+    kept._watch()
+    assert looked == [{"17"}] * 2
+    assert "the jobs could not be looked after" in capsys.readouterr().err

@@ -96,6 +96,14 @@ def test_a_run_that_was_taken_for_dead_learns_of_it_and_leaves_the_lock_to_the_o
     assert place.read("lock.json") == released
 
 
+@pytest.mark.filterwarnings("error::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_run_whose_lock_was_removed_learns_of_it(place: Place) -> None:
+    with place.held() as still_held:
+        place.delete("lock.json")
+        with pytest.raises(StoreInUse, match="was taken over by another run"):
+            ask_until_it_raises(still_held)
+
+
 def test_a_hold_is_renewed_as_long_as_its_run_lives(place: Place) -> None:
     end = time.monotonic() + PATIENCE
     with place.held() as still_held:
