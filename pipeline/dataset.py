@@ -8,8 +8,8 @@ from chatter_core.reading import load_value, load_yaml, shown
 from pipeline import places
 from pipeline.configuration import EFFECTS, EFFECTS_PATH, compose_settings, sort_words
 from pipeline.design import DatasetSettings, varied_of
-from pipeline.places import DATASET, place_of
-from pipeline.sweep import execute
+from pipeline.execution import execute_words
+from pipeline.places import DATASET
 
 OPTIONS = (*places.OPTIONS, "retry_failed", "budget_hours", EFFECTS, EFFECTS_PATH)
 #: What begins a word that makes a key vary, with a distribution or a list of values.
@@ -26,13 +26,8 @@ def run(words: list[str]) -> int:
     sorted_words = sort_words(others, OPTIONS)
     changes = {"design": load_yaml(Path(files[-1].removeprefix("design=")))} if files else {}
     settings = compose_settings(sorted_words, DatasetSettings, changes, lambda data: _let_vary(data, varied))
-    retry = sorted_words.options.get("retry_failed", "false").lower()
-    if retry not in ("true", "false"):
-        raise InvalidInput([f"retry_failed: found {retry!r}, allowed: true, false"])
     budget = _seconds(sorted_words.options.get("budget_hours"))
-    usual = Path("results") / f"{settings.study}-{settings.fingerprint()[:8]}"
-    place = place_of(sorted_words.options, usual, DATASET)
-    return execute(settings, place, retry_failed=retry == "true", argv=words, budget=budget)
+    return execute_words(settings, sorted_words.options, words, root=DATASET, budget=budget)
 
 
 def _let_vary(data: dict[str, Any], varied: dict[str, str]) -> None:

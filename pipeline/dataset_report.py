@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from chatter_core.errors import InvalidInput
 from chatter_core.variables import WITH_RESULT
 from pipeline import dataset_card, dataset_figures, page, store, survey
 from pipeline.dataset_plots import dataset_plots
@@ -22,8 +21,6 @@ from pipeline.sensitivity import KEY, sensitivity
 READ = ("input", "split", "limit_depth", "limit_chatter_frequency", "limit_dominant_mode", "status")
 #: Rows of a table on the page; the CSV files hold all.
 PAGE_ROWS = 24
-#: Bytes of tables that a page offers; longer ones stand beside it.
-DOWNLOADS = 600_000
 CAPTIONS = {
     "limits": "The depth at which the chosen cut begins to chatter; the bands hold the middle part of all cuts.",
     "inputs": "A cut each, by the shallowest of its limit depths over all speeds.",
@@ -37,15 +34,9 @@ def write(place: Place) -> list[Path]:
     """
     store.check(place)
     counts = survey.counts(place)
-    try:
-        with store.open_lobes(place) as opened:
-            data = opened[list(READ)].load()
-            data.attrs = opened.attrs
-    except (ValueError, RuntimeError, KeyError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InvalidInput(
-            [f"{place.where(place.root)}: cannot be read, a part is missing or damaged: {reason}"]
-        ) from None
+    with store.readable(place) as opened:
+        data = opened[list(READ)].load()
+        data.attrs = opened.attrs
     output = place.make_output()
     samples = samples_table(data)
     told, text = sensitivity(data)
@@ -75,7 +66,6 @@ def _page(
 ) -> None:
     told, text = dependence
     made = dataset_plots(data, samples, told, text)
-    short = [path for path in written if path.stat().st_size <= DOWNLOADS / len(written)]
     cells = sum(counts.values())
     page.write(
         html,
@@ -92,8 +82,7 @@ def _page(
         tables=[_best_table(samples), *([] if told.empty else [_dependence_table(told, text)])],
         plots=embed(made),
         captions=CAPTIONS,
-        downloads=page.downloads(short),
-        beside=[path.name for path in written if path not in short],
+        **page.offered(written),
         opening=opening,
         provenance=provenance(data.attrs, "dataset"),
         settings=json.dumps(data.attrs["settings"], indent=1),

@@ -8,8 +8,10 @@ import xarray as xr
 
 from chatter_core.variables import STATUS
 from pipeline.best_cuts import DEPTH_MARGIN, least_near, removal_rate
-from pipeline.design import PARTS, Design
+from pipeline.design import PARTS
+from pipeline.kinds import KINDS
 from pipeline.kinds.dataset import descriptions
+from pipeline.places import DATASET
 
 #: Columns of the table behind those of what varies.
 LOWEST, RATE = "lowest_limit_depth_mm", "removal_rate_cm3_min"
@@ -81,14 +83,11 @@ def samples_table(data: xr.Dataset) -> pd.DataFrame:
 
 def _best(data: xr.Dataset, limit: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return speed [rpm], depth [mm] and rate [cm3/min] of the cut that removes most (row,), NaN where none is safe."""
-    settings = data.attrs["settings"]
-    design, base = Design.model_validate(settings["design"]), {**settings["machine"], "effects": {}}
-    base["effects"] = settings.get("effects", {})
+    said = KINDS[DATASET].described(data.attrs, lambda name: data[name].values)
     depth = (1.0 - DEPTH_MARGIN) * least_near(limit, speed)
     found = np.full((3, len(limit)), np.nan)
-    numbers = data["input"].values
-    described = (one for machine in numbers for one in descriptions(base, design, machine))
-    for row, description in enumerate(described):
+    cuts = (cut for machine in said.numbers for cut in descriptions(said.base, said.design, machine))
+    for row, description in enumerate(cuts):
         rate = removal_rate(description, speed, depth[row])
         if not np.isnan(rate).all():
             best = int(np.nanargmax(rate))

@@ -8,6 +8,9 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, select_autoescape
 
+#: Bytes of tables that a page offers together.
+DOWNLOADS = 600_000
+
 
 @dataclass(frozen=True, kw_only=True)
 class PageTable:
@@ -40,6 +43,12 @@ def write(page: Path, template: str, **values: Any) -> None:
 def embedded(pictures: Sequence[Path], captions: Mapping[str, str]) -> list[dict[str, str]]:
     """Return pictures as pages hold them, each with the caption of its name."""
     return [{"caption": captions[path.stem], "data": base64.b64encode(path.read_bytes()).decode()} for path in pictures]
+
+
+def offered(written: Sequence[Path]) -> dict[str, Any]:
+    """Return what a page offers of the tables beside it: short ones as downloads, longer ones by their names."""
+    short = [path for path in written if path.stat().st_size <= DOWNLOADS / len(written)]
+    return {"downloads": downloads(short), "beside": [path.name for path in written if path not in short]}
 
 
 def downloads(files: Sequence[Path]) -> list[dict[str, str]]:

@@ -16,7 +16,7 @@ from chatter_core.lobes import lobe_block
 from chatter_core.machine import Machine
 from chatter_core.units import SUFFIXES
 from chatter_core.variables import STRUCTURE
-from pipeline import paper_figures, store, sweep
+from pipeline import execution, paper_figures, store
 from pipeline.configuration import Words, compose_settings, sort_words
 from pipeline.findings import HIGH_SPEED, LOW_SPEED, Evidence, Finding, computing_time, findings
 from pipeline.locking import make_folder
@@ -71,7 +71,7 @@ def run(words: list[str]) -> int:
         )
     output = Path(sorted_words.options.get("output", "results/paper"))
     make_folder(output)
-    codes = [sweep.execute(settings[name], Folder(output / name), argv=words) for name in STUDIES]
+    codes = [execution.execute(settings[name], Folder(output / name), argv=words) for name in STUDIES]
     if any(code not in (0, 1) for code in codes):
         return max(codes)
     lobes = {name: _opened(Folder(output / name)) for name in STUDIES}

@@ -45,8 +45,6 @@ GROUPS = {
 }
 #: Speeds of all lines of lobes together, and cells, that a report shows: of larger studies every so manieth speed.
 MOST_LINES, MOST_CELLS = 50_000, 4_000_000
-#: Bytes of tables that a page offers; longer ones stand beside it.
-DOWNLOADS = 600_000
 
 
 def run(words: list[str]) -> int:
@@ -61,12 +59,8 @@ def write(place: Place) -> list[Path]:
     """Write tables, figures and report.html of the store in a place; return the paths."""
     group, counts = store.check(place), survey.counts(place)
     step = _step(store.chunks(group))
-    try:
-        with store.open_lobes(place) as opened:
-            lobes = opened.isel(spindle_speed=slice(None, None, step)).load()
-    except (ValueError, RuntimeError, KeyError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InvalidInput([f"{place.where(LOBES)}: cannot be read, a part is missing or damaged: {reason}"]) from None
+    with store.readable(place) as opened:
+        lobes = opened.isel(spindle_speed=slice(None, None, step)).load()
     hollow = int((lobes["status"].isin(WITH_RESULT) & lobes["spectral_radius"].isnull()).sum())
     if hollow:
         where = place.where(LOBES)
@@ -105,7 +99,6 @@ def _page(
 ) -> None:
     attributes = lobes.attrs
     made = study_plots(lobes, preload)
-    short = [path for path in written if path.stat().st_size <= DOWNLOADS / len(written)]
     page.write(
         html,
         "report.html",
@@ -118,8 +111,7 @@ def _page(
         choices=[name for name in made if name.startswith(CHOICE)],
         captions=CAPTIONS,
         groups=[(heading, names) for heading, names in GROUPS.items() if any(name in made for name in names)],
-        downloads=page.downloads(short),
-        beside=[path.name for path in written if path not in short],
+        **page.offered(written),
         opening=opening,
         provenance=provenance(attributes, "sweep"),
         settings=json.dumps(attributes["settings"], indent=1),

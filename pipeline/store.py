@@ -10,7 +10,8 @@ import platform
 import subprocess
 import sys
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from functools import lru_cache, partial
 from importlib.metadata import PackageNotFoundError, version
@@ -319,6 +320,18 @@ def open_lobes(place: Place) -> xr.Dataset:
     """Open a store as a dataset whose values are read when they are asked for, as many chunks at once as that are."""
     lobes: xr.Dataset = xr.open_zarr(place.store(), consolidated=False, chunks=None)
     return lobes
+
+
+@contextmanager
+def readable(place: Place) -> Iterator[xr.Dataset]:
+    """Give a store as ``open_lobes`` does; what cannot be read of it raises InvalidInput."""
+    try:
+        with open_lobes(place) as opened:
+            yield opened
+    except (ValueError, RuntimeError, KeyError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        where = place.where(place.root)
+        raise InvalidInput([f"{where}: cannot be read, a part is missing or damaged: {reason}"]) from None
 
 
 def now() -> str:

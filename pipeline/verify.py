@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS
-from pipeline import journal, metadata, store, survey, sweep
+from pipeline import execution, journal, metadata, store, survey
 from pipeline.chunks import Chunk
 from pipeline.configuration import EFFECTS_PATH
 from pipeline.errors import StoreUnavailable
@@ -132,7 +132,7 @@ def repair(
         metadata.refresh_copy(place)
         for chunk in found.chunks:
             store.mark_chunk(place, chunk, STATUS["pending"])
-        return sweep.carry_on(settings, place, still_held, argv=argv)
+        return execution.carry_on(settings, place, still_held, argv=argv)
 
 
 def _remove_unreadable_shards(place: Place, found: Damage) -> None:

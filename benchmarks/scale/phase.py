@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.scale.laying import create, lay
 from benchmarks.scale.study import KERNEL, study
-from pipeline import report, status, sweep, verify
+from pipeline import execution, report, status, verify
 from pipeline.places import Folder
 
 #: Measures a study of so many chunks, of which so many are computed by tasks, in a folder.
@@ -62,7 +62,7 @@ def compute(chunks: int, _: int, folder: Path) -> dict[str, Any]:
     """Compute what is missing of a study; return what start, run and end cost the driver, and the chunks computed."""
     marks, computed = [mark()], 0
     report.write = lambda place: []  # type: ignore[assignment]
-    dispatched: Callable[..., Iterator[Any]] = sweep.dispatched
+    dispatched: Callable[..., Iterator[Any]] = execution.dispatched
 
     def watched(*arguments: Any) -> Iterator[Any]:
         nonlocal computed
@@ -72,8 +72,8 @@ def compute(chunks: int, _: int, folder: Path) -> dict[str, Any]:
             yield record
         marks.append(mark())
 
-    sweep.dispatched = watched  # type: ignore[assignment]
-    code = sweep.execute(study(chunks), Folder(folder), kernel=KERNEL)
+    execution.dispatched = watched  # type: ignore[assignment]
+    code = execution.execute(study(chunks), Folder(folder), kernel=KERNEL)
     if code:
         raise SystemExit(code)
     marks.append(mark())

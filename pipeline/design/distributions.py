@@ -4,6 +4,7 @@ A distribution answers shares between 0 and 1 with numbers. Words (``direction: 
 list of ``choice``, from zero: ``value`` turns a number back into what the description says.
 """
 
+from abc import ABC, abstractmethod
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -27,14 +28,14 @@ Number = Annotated[float, Field(ge=-MOST, le=MOST), BeforeValidator(no_truth_val
 Levels = Annotated[int, Field(ge=1, le=MOST_LEVELS), BeforeValidator(no_truth_value)]
 
 
-class Distribution(BaseModel):
+class Distribution(BaseModel, ABC):
     """Base of the distributions."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
+    @abstractmethod
     def quantile(self, share: Array) -> Array:
         """Return the numbers below which these shares of all draws lie."""
-        raise NotImplementedError
 
     def value(self, number: float) -> float | int | str:
         """Return what a description says for a drawn number."""

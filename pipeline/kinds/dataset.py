@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from chatter_core.errors import InvalidInput, NoEquilibrium
+from chatter_core.errors import InvalidInput
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import Machine
 from chatter_core.reading import sentences
 from chatter_core.stages import Stages
 from chatter_core.tip import AXES
 from chatter_core.units import SUFFIXES
-from chatter_core.variables import CUT_STATUS, DATASET, DATASET_INPUTS, STATUS
+from chatter_core.variables import CUT_STATUS, DATASET, DATASET_INPUTS
 from pipeline.chunks import Chunk
 from pipeline.design import DatasetSettings, Description, Design, described, draw
 from pipeline.design.distributions import Choice
 from pipeline.kinds.kernels import function_of
-from pipeline.kinds.kind import Computed, Kind
+from pipeline.kinds.kind import Computed, Kind, status_of
 from pipeline.places import DATASET as STORE
 from pipeline.places import Place
 from pipeline.settings import model_with
@@ -65,7 +65,7 @@ class Dataset(Kind):
 
     name, verb, settings = STORE, "dataset", DatasetSettings
     coordinates, wholes, chunked, status = COORDINATES, DATASET_INPUTS, DATASET, CUT_STATUS
-    along, entry, cells = "machine", "machine", "cuts"
+    along, entry = "machine", "machine"
     kernel = "pipeline.samples:machine_sample"
     told_by = ()
 
@@ -119,9 +119,7 @@ class Dataset(Kind):
                 )
                 samples.append(Computed(arrays=arrays, status=status))
             except Exception as error:
-                outside = isinstance(error, NoEquilibrium | InvalidInput)
-                code = STATUS["outside_validity" if outside else "not_converged"]
-                samples.append(_marked(described.numbers.shape[1], len(speeds), design.mode_count, code))
+                samples.append(_marked(described.numbers.shape[1], len(speeds), design.mode_count, status_of(error)))
                 errors.append(f"machine {machine}: " + traceback.format_exc(limit=-3).strip())
         return Computed(
             arrays={name: np.stack([one.arrays[name] for one in samples]) for name in DATASET},

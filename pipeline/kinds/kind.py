@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from chatter_core.variables import Variable
+from chatter_core.errors import InvalidInput, NoEquilibrium
+from chatter_core.variables import STATUS, Variable
 from pipeline.chunks import Chunk
 from pipeline.places import Place
 from pipeline.settings import Study
@@ -26,13 +27,18 @@ class Computed:
     errors: tuple[str, ...] = ()
 
 
+def status_of(error: Exception) -> int:
+    """Return the status of what raised: outside what the model holds for, or not computed."""
+    return STATUS["outside_validity" if isinstance(error, NoEquilibrium | InvalidInput) else "not_converged"]
+
+
 class Kind(ABC):
     """A kind of study. One task owns one chunk of every chunked variable: a block of entries along ``along``.
 
     name: of the store in its place; verb: that computes it; settings: class of its settings; coordinates: dimension ->
     unit suffix and meaning; wholes: variables that are written once, before the chunks; chunked: those that are
     written chunk by chunk; status: completion and outcome; along: dimension that chunks are blocks of; entry: what one
-    along it is called; cells: what the status counts; kernel: physics that a chunk is computed by, ``MODULE:FUNCTION``;
+    along it is called; kernel: physics that a chunk is computed by, ``MODULE:FUNCTION``;
     told_by: coordinates that say to people which chunk one is.
     """
 
@@ -45,7 +51,6 @@ class Kind(ABC):
     status: Variable
     along: str
     entry: str
-    cells: str
     kernel: str
     told_by: tuple[str, ...]
 

@@ -9,16 +9,15 @@ from typing import Any
 import numpy as np
 
 from chatter_core.chain import structure_variables
-from chatter_core.errors import InvalidInput, NoEquilibrium
 from chatter_core.floquet import MethodSettings
 from chatter_core.lobes import CROSSINGS, LobeBlock
 from chatter_core.machine import Machine
 from chatter_core.tip import AXES
 from chatter_core.units import SUFFIXES
-from chatter_core.variables import CELL_STATUS, STATUS, STRUCTURE, SWEEP
+from chatter_core.variables import CELL_STATUS, STRUCTURE, SWEEP
 from pipeline.chunks import Chunk
 from pipeline.kinds.kernels import function_of
-from pipeline.kinds.kind import Computed, Kind
+from pipeline.kinds.kind import Computed, Kind, status_of
 from pipeline.places import LOBES, Place
 from pipeline.settings import Settings, model_with
 
@@ -51,7 +50,7 @@ class Lobes(Kind):
 
     name, verb, settings = LOBES, "sweep", Settings
     coordinates, wholes, chunked, status = COORDINATES, STRUCTURE, SWEEP, CELL_STATUS
-    along, entry, cells = "spindle_speed", "speed", "cells"
+    along, entry = "spindle_speed", "speed"
     kernel = KERNEL
     told_by = ("modal_parameters", "preload", "mode_count", "spindle_speed")
 
@@ -173,10 +172,7 @@ def _guarded(compute: Callable[[np.ndarray], LobeBlock], speed: np.ndarray, dept
             try:
                 blocks.append(compute(np.array([one])))
             except Exception as error:
-                code = STATUS[
-                    "outside_validity" if isinstance(error, NoEquilibrium | InvalidInput) else "not_converged"
-                ]
-                blocks.append(_marked(depths, code))
+                blocks.append(_marked(depths, status_of(error)))
                 errors.append(f"{one / SUFFIXES['rpm'][0]:.6g} rpm: " + traceback.format_exc(limit=-3).strip())
         joined = {f.name: np.concatenate([getattr(block, f.name) for block in blocks]) for f in fields(LobeBlock)}
         return replace(blocks[0], **joined), errors

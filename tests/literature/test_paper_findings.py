@@ -14,7 +14,7 @@ import pytest
 import xarray as xr
 
 from chatter_core.floquet import MethodSettings
-from pipeline import findings, paper, store, sweep
+from pipeline import execution, findings, paper, store
 from pipeline.configuration import compose_settings, sort_words
 from pipeline.places import Folder
 
@@ -29,7 +29,7 @@ def evidence(tmp_path_factory: pytest.TempPathFactory) -> findings.Evidence:
         patch.setattr(paper, "TIMED", {"a quick method": MethodSettings(name="collocation", tolerance=1e-1)})
         for name in paper.STUDIES:
             settings = compose_settings(sort_words([f"study=paper_{name}", "cluster=serial", *GRID], ()))
-            assert sweep.execute(settings, Folder(output / name)) == 0
+            assert execution.execute(settings, Folder(output / name)) == 0
             with store.open_lobes(Folder(output / name)) as opened:
                 lobes[name] = opened.load()
         together = compose_settings(sort_words(["study=paper_together", *GRID], ()))

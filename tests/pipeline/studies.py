@@ -14,9 +14,10 @@ from typing import Any
 import xarray as xr
 
 from pipeline.configuration import compose_settings, sort_words
+from pipeline.execution import execute
 from pipeline.places import Folder, place_of
 from pipeline.settings import Settings
-from pipeline.sweep import OPTIONS, execute
+from pipeline.sweep import OPTIONS
 
 ROOT = Path(__file__).parents[2]
 #: 2 preloads x 2 numbers of modes x 3 blocks of two speeds x 4 depths.

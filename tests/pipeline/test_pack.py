@@ -7,7 +7,7 @@ import xarray as xr
 
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import SWEEP
-from pipeline import report, store, sweep, verify
+from pipeline import execution, report, store, verify
 from pipeline.__main__ import main
 from pipeline.chunks import Chunk
 from pipeline.pack import SHARD_BYTES, pack, shard_shape
@@ -22,9 +22,9 @@ from tests.pipeline.studies import CHUNKS, journal, lobes, sweep as sweep_study 
 def _without_report_and_physics(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out tables and figures, and repair with the stand-in that the store was made with."""
     monkeypatch.setattr(report, "write", lambda output: [])
-    carry_on = sweep.carry_on
+    carry_on = execution.carry_on
     monkeypatch.setattr(
-        sweep, "carry_on", lambda *a, **k: carry_on(*a, **{"kernel": "tests.pipeline.standins:plain", **k})
+        execution, "carry_on", lambda *a, **k: carry_on(*a, **{"kernel": "tests.pipeline.standins:plain", **k})
     )
 
 

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from chatter_core.errors import InvalidInput
-from pipeline import metadata, report, store, sweep, verify
+from pipeline import execution, metadata, report, store, verify
 from pipeline.__main__ import main
 from pipeline.kinds import Lobes
 from pipeline.places import Folder
@@ -111,7 +111,7 @@ def test_coordinates_that_are_gone_are_noticed_and_restored(output: Path, made: 
 def test_a_coordinate_that_is_gone_stops_a_sweep(output: Path) -> None:
     (output / "lobes.zarr/preload/c.0").unlink()
     with pytest.raises(InvalidInput, match=r"preload is missing; restored by: python -m pipeline verify output="):
-        sweep.execute(study(), Folder(output))
+        execution.execute(study(), Folder(output))
 
 
 def test_a_machine_of_measured_modes_lacks_nothing(tmp_path: Path) -> None:
@@ -184,4 +184,4 @@ def test_damage_is_told_by_place_with_the_command_that_repairs_it(
 def test_a_damaged_root_stops_a_sweep_with_the_command_that_repairs_it(output: Path) -> None:
     flip(output / "lobes.zarr" / metadata.DOCUMENT, 4001)
     with pytest.raises(InvalidInput, match=r"python -m pipeline verify output=.* repair=true"):
-        sweep.execute(study(), Folder(output))
+        execution.execute(study(), Folder(output))

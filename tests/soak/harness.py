@@ -31,14 +31,14 @@ AT_HAND = 4
 SCRIPT = """
 import sys
 from pathlib import Path
-from pipeline import report, sweep
+from pipeline import execution, report, sweep
 from pipeline.__main__ import main
 from pipeline.places import Folder
 from tests.pipeline.studies import study
 if __name__ == "__main__":
     report.write = lambda output: []
     kernel = "tests.soak.kernel:logged"
-    sweep.run = lambda words: sweep.execute(study(*words[1:]), Folder(Path(words[0])), kernel=kernel)
+    sweep.run = lambda words: execution.execute(study(*words[1:]), Folder(Path(words[0])), kernel=kernel)
     sys.exit(main(["sweep", *sys.argv[1:]]))
 """
 

@@ -9,7 +9,7 @@ import zarr
 from markupsafe import escape
 
 from chatter_core.errors import InvalidInput
-from pipeline import report, store, sweep, verify
+from pipeline import execution, report, store, sweep, verify
 from pipeline.__main__ import main
 from pipeline.places import LOBES, Folder, Place, place_of
 from pipeline.settings import Cluster
@@ -110,9 +110,9 @@ def test_a_store_of_other_settings_is_refused_with_the_keys(place: Place, tmp_pa
 
 @pytest.fixture
 def _repaired_with_the_stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
-    carry_on = sweep.carry_on
+    carry_on = execution.carry_on
     kernel = {"kernel": "tests.pipeline.standins:plain"}
-    monkeypatch.setattr(sweep, "carry_on", lambda *a, **k: carry_on(*a, **{**kernel, **k}))
+    monkeypatch.setattr(execution, "carry_on", lambda *a, **k: carry_on(*a, **{**kernel, **k}))
 
 
 @pytest.mark.usefixtures("_repaired_with_the_stand_in")
