@@ -20,13 +20,15 @@ from chatter_core.errors import InvalidInput
 from chatter_core.variables import FAILED, STATUS
 from pipeline import metadata, store, survey
 from pipeline.cluster import open_client, pages
-from pipeline.dispatch import dispatched, signals
+from pipeline.dispatch import dispatched
 from pipeline.errors import StorageFailed, StoreUnavailable, WorkersLost
 from pipeline.journal import Journal
 from pipeline.kinds import kind_of
 from pipeline.places import CLOCK, LOCK, RECORD, STORES, Place, StillHeld, as_long_as_it_takes, place_of
 from pipeline.progress import Meter
+from pipeline.provenance import code_version
 from pipeline.settings import Cluster, Study, differing_keys
+from pipeline.stopping import signals
 from pipeline.task import Record, Task, compute_first
 
 #: What is in a place whose study was being created when the run was killed.
@@ -156,8 +158,8 @@ def _compute(
     numbers = np.flatnonzero(missing)
     if not len(numbers):
         return counts
-    begun = f"{store.now()} {len(numbers)} of {len(every)} chunks to compute, code {store.code_version()}"
-    metadata.update(place, history=[*metadata.attributes(place)["history"], begun])
+    begun = f"{len(numbers)} of {len(every)} chunks to compute, code {code_version()}"
+    made = metadata.begin(place, begun)
     # Many writers of one shard would lose each other's chunks.
     cluster = Cluster(kind="serial") if store.is_packed(group) else settings.cluster
     own, limit = settings.effects_path, cluster.time_limit
@@ -165,7 +167,7 @@ def _compute(
         place=place.anywhere(),
         chunk=every[int(numbers[0])],
         kernel=kernel or kind.kernel,
-        made=store.identity(group),
+        made=made,
         effects_path=own,
         time_limit=limit,
     )

@@ -13,7 +13,7 @@ from chatter_core.variables import STATUS, WITH_RESULT
 from pipeline import store
 from pipeline.kinds import kind_of
 from pipeline.places import Place
-from pipeline.store import now
+from pipeline.provenance import now
 from pipeline.study_place import study_place
 
 FILE = "journal.jsonl"

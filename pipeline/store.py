@@ -6,15 +6,10 @@ to the fill value is never written, hence status 0 is pending.
 """
 
 import math
-import platform
-import subprocess
-import sys
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from functools import lru_cache, partial
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +26,7 @@ from pipeline import metadata
 from pipeline.chunks import Chunk, Chunks
 from pipeline.kinds import KINDS, Computed, Kind, kind_of
 from pipeline.places import LOBES, Place
+from pipeline.provenance import provenance
 from pipeline.settings import Study
 
 #: What the functions here take that read.
@@ -139,11 +135,6 @@ def kind_in(group: zarr.Group) -> Kind:
     return KINDS[str(group.attrs.get("kind", LOBES))]
 
 
-def identity(group: zarr.Group) -> str:
-    """Return what no other store shares that ever lay in the same place: what it is of, when it was made and packed."""
-    return " ".join(str(group.attrs.get(name)) for name in ("fingerprint", "entries_per_chunk", "created", "packed"))
-
-
 def chunks(group: zarr.Group) -> Chunks:
     """Return every chunk of a store."""
     shape, outer = array_of(group, "status").shape, kind_in(group).outer
@@ -177,17 +168,37 @@ def open_group(place: Place) -> zarr.Group:
     return zarr.open_group(place.store(), mode="r+")
 
 
-def write_chunk(place: Place, chunk: Chunk, computed: Computed) -> None:
-    """Write every variable of a chunk, its status last."""
+def write_chunk(place: Place, chunk: Chunk, computed: Computed, allowed: Callable[[], None]) -> None:
+    """Write every variable of a chunk, its status last.
+
+    allowed: raises where this process must not write any more; asked before anything is, and before the status, which
+    makes what is there count.
+    """
     arrays, variables = _arrays(place), kind_of(place).chunked
 
     def write(name: str) -> None:
         variable, values = variables[name], computed.arrays[name]
         arrays[name][chunk.region] = values / variable.si_factor if variable.suffix else values
 
+    allowed()
     for _ in place.each(write, variables):
         pass
+    allowed()
     arrays["status"][chunk.region] = computed.status
+
+
+def without_result(place: Place, chunk: Chunk, code: int, why: str) -> Computed:
+    """Return a chunk without results, every cell with one status."""
+    group, kind = open_group(place), kind_of(place)
+
+    def shape(name: str) -> tuple[int, ...]:
+        return chunk.last - chunk.first, *array_of(group, name).shape[kind.outer + 1 :]
+
+    return Computed(
+        arrays={name: variable.without_result(shape(name)) for name, variable in kind.chunked.items()},
+        status=np.full(shape("status"), code, dtype=np.uint8),
+        errors=(why,),
+    )
 
 
 @lru_cache(maxsize=4)
@@ -332,46 +343,3 @@ def readable(place: Place) -> Iterator[xr.Dataset]:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         where = place.where(place.root)
         raise InvalidInput([f"{where}: cannot be read, a part is missing or damaged: {reason}"]) from None
-
-
-def now() -> str:
-    """Return the time, to the second, in UTC."""
-    return datetime.now(UTC).isoformat(timespec="seconds")
-
-
-def provenance(argv: list[str]) -> dict[str, Any]:
-    """Return where a store comes from: code, versions, command."""
-    packages = ("milling-chatter", "numpy", "scipy", "dask", "zarr", "xarray")
-    return {
-        "created": now(),
-        "command": argv,
-        "versions": {"python": platform.python_version(), **{name: _version(name) for name in packages}},
-        "platform": f"{sys.platform} {platform.machine()}",
-        "code": code_version(),
-    }
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"
-
-
-def code_version() -> str:
-    """Return the commit of the code, and whether it was changed since; "released" outside a checkout."""
-    here = Path(__file__).resolve().parent
-
-    def git(*words: str) -> str:
-        return subprocess.run(
-            ["git", "-C", str(here), *words], capture_output=True, text=True, check=True
-        ).stdout.strip()
-
-    try:
-        if Path(git("rev-parse", "--show-toplevel")) != here.parent:
-            return "released"
-        return git("rev-parse", "HEAD") + (
-            " with changes" if git("status", "--porcelain", "--untracked-files=no") else ""
-        )
-    except (OSError, subprocess.CalledProcessError):
-        return "released"

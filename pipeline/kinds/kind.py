@@ -1,7 +1,7 @@
 """What a kind of study is: what its store holds, how a chunk of it is computed, what people read of it."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,15 @@ class Computed:
     arrays: Arrays
     status: np.ndarray
     errors: tuple[str, ...] = ()
+
+
+def joined(parts: Sequence[Computed]) -> Computed:
+    """Return parts of a chunk, in their order, as one."""
+    return Computed(
+        arrays={name: np.concatenate([part.arrays[name] for part in parts]) for name in parts[0].arrays},
+        status=np.concatenate([part.status for part in parts]),
+        errors=tuple(error for part in parts for error in part.errors),
+    )
 
 
 def status_of(error: Exception) -> int:
