@@ -15,6 +15,7 @@ from chatter_core.errors import ChatterError, InvalidInput
 from chatter_core.reading import nearest, printable
 from pipeline.configuration import groups
 from pipeline.errors import StoreInUse
+from pipeline.stopping import heard, leave_terminal
 
 #: Verb -> module with ``run(words) -> exit code``, and what it does.
 VERBS = {
@@ -125,9 +126,9 @@ def main(words: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("stopped at once; a store goes on where it was", file=sys.stderr)
         return 128 + signal.SIGINT
-    except Terminated:
+    except Terminated as end:
         print("terminated; a store goes on where it was", file=sys.stderr)
-        return 128 + signal.SIGTERM
+        return 128 + end.number
     except BrokenPipeError:
         # Whoever read our output has gone: nothing is left to tell.
         sys.stderr.close()
@@ -140,26 +141,34 @@ def main(words: list[str] | None = None) -> int:
 
 
 class Terminated(BaseException):
-    """SIGTERM came: as Ctrl-C does, it ends what was started and clears away what is half done."""
+    """SIGTERM came, or the terminal was closed: it ends what was started and clears away what is half done."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        super().__init__(number)
 
 
 @contextmanager
 def _terminated_in_order() -> Iterator[None]:
-    """Turn SIGTERM into Terminated, for a verb that does not do better."""
+    """Turn SIGTERM and SIGHUP into Terminated, for a verb that does not do better."""
 
     def handle(number: int, frame: FrameType | None) -> None:
         # What is cleared away must not be broken off by a second one.
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        raise Terminated
+        for one in before:
+            signal.signal(one, signal.SIG_IGN)
+        if number == signal.SIGHUP:
+            leave_terminal()
+        raise Terminated(number)
 
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, handle)
+    before = {number: signal.signal(number, handle) for number in heard(signal.SIGTERM, signal.SIGHUP)}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _role(words: list[str]) -> AbstractContextManager[bool]:

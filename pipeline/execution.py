@@ -1,7 +1,9 @@
 """The way of every study: what is missing in its store is computed, and its report written; whatever interrupts."""
 
+import errno
 import json
 import os
+import shlex
 import signal
 import socket
 import sys
@@ -103,17 +105,25 @@ def carry_on(
         still_held()
         written = _finish(place, journal, counts)
     except Stopped as stop:
-        journal.write("stopped", signal=str(stop))
-        again = f"python -m pipeline {kind_of(place).verb} {' '.join(argv)}" if argv else "the same command"
+        again = f"python -m pipeline {kind_of(place).verb} {shlex.join(argv)}" if argv else "the same command"
+        # Where its terminal was closed nobody reads what a run says.
+        journal.write("stopped", signal=str(stop), again=again)
         print(f"stopped; nothing is lost. Go on with: {again}", file=sys.stderr)
         return 128 + stop.number
     except OSError as error:
-        # The disk is full, or the place has gone away: what was computed before is in the store.
+        # The disk is full or ill, or the place has gone away: what was computed before is in the store.
         raise StorageFailed(
             f"{error.filename or place.where(place.root)}: {error.strerror or error}; what was computed is kept, "
-            f"the same command goes on once {'it answers' if isinstance(error, StoreUnavailable) else 'there is room'}"
+            f"the same command goes on once {_mended(error)}"
         ) from None
     return _tell(place, counts, written, journal)
+
+
+def _mended(error: OSError) -> str:
+    """Return what must come about before a run can go on that a file has stopped."""
+    if isinstance(error, StoreUnavailable):
+        return "it answers"
+    return "there is room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "that is mended"
 
 
 def _prepare(settings: Study, place: Place, argv: list[str]) -> None:
@@ -184,7 +194,6 @@ def _compute(
                 for record in dispatched(tasks, client, stopping, cluster.patience):
                     still_held()
                     _note(journal, record, kind.entry)
-                    counts.update(record.counts)
                     meter.advance(every.cells(record.chunk))
         except (RuntimeError, OSError) as error:
             # A signal that went to the whole process group may have taken the workers along.
@@ -194,7 +203,22 @@ def _compute(
                 raise
         if stopping.number:
             raise Stopped(stopping.number)
-    counts["pending"] = every.all_cells - counts.total()
+    return _kept(place, stopping.asked)
+
+
+def _kept(place: Place, short: bool) -> Counter[str]:
+    """Return how many cells of the store have which status, as the store itself says when all has been written.
+
+    short: whether some were not begun. Raises StorageFailed where others are missing: they were removed or damaged.
+    """
+    missing, of_others = survey.pending(place, retry_failed=False)
+    counts = Counter({name: int(of_others[code]) for name, code in STATUS.items()})
+    if missing.any() and not short:
+        raise StorageFailed(
+            f"{place.where(place.root)}: {np.count_nonzero(missing)} chunks that were written are not there any more, "
+            "or damaged; the same command computes them again"
+        )
+    counts["pending"] = store.chunks(store.open_group(place)).all_cells - counts.total()
     return counts
 
 

@@ -30,14 +30,14 @@ class Stopping:
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Handle a signal."""
         if number == signal.SIGHUP:
-            _leave_terminal()
+            leave_terminal()
         if self.number:
             raise KeyboardInterrupt
         self.number = number
         print("\nstopping: waiting for the chunks in progress (once more to stop at once)", file=sys.stderr, flush=True)
 
 
-def _leave_terminal() -> None:
+def leave_terminal() -> None:
     """Have nothing more said to a terminal: one that is closed answers with an error."""
     silence = os.open(os.devnull, os.O_RDWR)
     for descriptor in (1, 2):
@@ -47,12 +47,16 @@ def _leave_terminal() -> None:
     os.close(silence)
 
 
+def heard(*numbers: signal.Signals) -> list[signal.Signals]:
+    """Return which of some signals are not to be ignored: ``nohup`` has one be."""
+    return [number for number in numbers if signal.getsignal(number) != signal.SIG_IGN]
+
+
 @contextmanager
 def signals() -> Iterator[Stopping]:
-    """Turn signals into a wish to stop, for as long as chunks are computed; what is ignored (nohup) stays so."""
+    """Turn signals into a wish to stop, for as long as chunks are computed."""
     stopping = Stopping()
-    heard = [number for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
-    before = {number: signal.signal(number, stopping) for number in heard}
+    before = {number: signal.signal(number, stopping) for number in heard(*SIGNALS)}
     try:
         yield stopping
     finally:

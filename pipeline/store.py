@@ -24,6 +24,7 @@ from chatter_core.units import SUFFIXES
 from chatter_core.variables import Variable
 from pipeline import metadata
 from pipeline.chunks import Chunk, Chunks
+from pipeline.errors import Unreadable, is_damage
 from pipeline.kinds import KINDS, Computed, Kind, kind_of
 from pipeline.places import LOBES, Place
 from pipeline.provenance import provenance
@@ -144,14 +145,14 @@ def chunks(group: zarr.Group) -> Chunks:
 
 def status_of(group: zarr.Group, chunk: Chunk) -> np.ndarray:
     """Return the status of a chunk's cells (entry, ...)."""
-    return np.asarray(array_of(group, "status")[chunk.region])
+    return _values(array_of(group, "status"), chunk.region)
 
 
 def readable_status(group: zarr.Group, chunk: Chunk) -> np.ndarray:
     """Return the status of a chunk's cells (entry, ...), pending where it cannot be read."""
     try:
         return status_of(group, chunk)
-    except (ValueError, RuntimeError):  # checksum, decompression
+    except Unreadable:
         behind = array_of(group, "status").shape[kind_in(group).outer + 1 :]
         return np.zeros((chunk.last - chunk.first, *behind), dtype=np.uint8)
 
@@ -249,7 +250,7 @@ def _unusable_parts(group: zarr.Group) -> list[str]:
     for name in (*kind.coordinates, *kind.wholes):
         try:
             sizes[name] = len(whole(group, name))
-        except ValueError as error:
+        except Unreadable as error:
             unreadable.append(str(error))
     if unreadable:
         return unreadable
@@ -261,11 +262,23 @@ def _unusable_parts(group: zarr.Group) -> list[str]:
 
 
 def whole(group: zarr.Group, name: str) -> np.ndarray:
-    """Return an array, read in one piece; raise ValueError naming it when that fails."""
+    """Return an array, read in one piece; raise Unreadable naming it when that fails."""
     try:
-        return np.asarray(array_of(group, name)[...])
-    except (ValueError, RuntimeError, KeyError, TypeError) as error:
-        raise ValueError(f"{name} cannot be read ({str(error).splitlines()[0]})") from None
+        return _values(array_of(group, name), ...)
+    except (Unreadable, KeyError, TypeError) as error:
+        raise Unreadable(f"{name} cannot be read ({str(error).splitlines()[0]})") from None
+
+
+def _values(array: zarr.Array[Any], region: Any) -> np.ndarray:
+    """Return values of an array; raise Unreadable where they are not as they were written."""
+    try:
+        return np.asarray(array[region])
+    except (ValueError, RuntimeError) as error:  # checksum, decompression
+        raise Unreadable(str(error)) from error
+    except OSError as error:
+        if not is_damage(error):
+            raise
+        raise Unreadable(error.strerror) from error
 
 
 def lost_wholes(place: Place, names: Iterable[str]) -> list[str]:
@@ -299,8 +312,8 @@ def unreadable_parts(group: zarr.Group, chunk: Chunk) -> list[str]:
     unreadable = []
     for name in (*kind_in(group).chunked, "status"):
         try:
-            array_of(group, name)[chunk.region]
-        except (ValueError, RuntimeError):  # checksum, decompression
+            _values(array_of(group, name), chunk.region)
+        except Unreadable:
             unreadable.append(name)
     return unreadable
 
@@ -339,7 +352,9 @@ def readable(place: Place) -> Iterator[xr.Dataset]:
     try:
         with open_lobes(place) as opened:
             yield opened
-    except (ValueError, RuntimeError, KeyError) as error:
+    except (ValueError, RuntimeError, KeyError, OSError) as error:
+        if isinstance(error, OSError) and not is_damage(error):
+            raise
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         where = place.where(place.root)
         raise InvalidInput([f"{where}: cannot be read, a part is missing or damaged: {reason}"]) from None
