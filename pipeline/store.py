@@ -23,7 +23,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.units import SUFFIXES
 from chatter_core.variables import Variable
 from pipeline import metadata
-from pipeline.chunks import Chunk, Chunks
+from pipeline.chunks import Chunk, Chunks, usual_cells
 from pipeline.errors import Unreadable, is_damage
 from pipeline.kinds import KINDS, Computed, Kind, kind_of
 from pipeline.places import LOBES, Place
@@ -53,7 +53,7 @@ def create(place: Place, settings: Study, argv: list[str]) -> None:
     for name, variable in kind.wholes.items():
         shape = _shape(variable, values)
         write_whole(_variable(group, name, variable, shape, shape), wholes[name])
-    block = _block(kind, settings, values)
+    block = block_of(kind, settings, values)
     for name, variable in {**kind.chunked, "status": kind.status}.items():
         shape = _shape(variable, values)
         before = variable.dims.index(kind.along)
@@ -80,11 +80,11 @@ def create(place: Place, settings: Study, argv: list[str]) -> None:
     )
 
 
-def _block(kind: Kind, settings: Study, values: dict[str, np.ndarray]) -> int:
+def block_of(kind: Kind, settings: Study, values: dict[str, np.ndarray]) -> int:
     """Return how many entries a chunk has."""
     shape = _shape(kind.status, values)
-    cells = math.prod(shape[kind.outer + 1 :])
-    return max(1, min(shape[kind.outer], settings.cluster.cells_per_task // cells))
+    wanted = settings.cluster.cells_per_task or usual_cells(math.prod(shape), *kind.cells_of_task)
+    return max(1, min(shape[kind.outer], wanted // math.prod(shape[kind.outer + 1 :])))
 
 
 def write_whole(array: zarr.Array[Any], values: np.ndarray) -> None:

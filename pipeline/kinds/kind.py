@@ -48,7 +48,8 @@ class Kind(ABC):
     unit suffix and meaning; wholes: variables that are written once, before the chunks; chunked: those that are
     written chunk by chunk; status: completion and outcome; along: dimension that chunks are blocks of; entry: what one
     along it is called; kernel: physics that a chunk is computed by, ``MODULE:FUNCTION``;
-    told_by: coordinates that say to people which chunk one is.
+    told_by: coordinates that say to people which chunk one is; cells_of_task: least and most cells of a chunk, where
+    nothing is said.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Kind(ABC):
     entry: str
     kernel: str
     told_by: tuple[str, ...]
+    cells_of_task: tuple[int, int]
 
     @property
     def outer(self) -> int:
