@@ -1,7 +1,6 @@
 """Chunks handed out to whoever computes them, so that nothing that happens to one is the end of the others."""
 
 import signal
-import sys
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ from pipeline import store
 from pipeline.cluster import KEPT, POLL, RESULT_PATIENCE, Workers
 from pipeline.errors import WorkersLost
 from pipeline.task import Record, Task, compute_chunk
+from pipeline.telling import note
 
 #: Tasks handed out beyond those being computed, for each worker.
 WINDOW = 3
@@ -50,7 +50,7 @@ class Stopping:
         if self.number:
             raise KeyboardInterrupt
         self.number = number
-        print("\nstopping: waiting for the chunks in progress (once more to stop at once)", file=sys.stderr, flush=True)
+        note("\nstopping: waiting for the chunks in progress (once more to stop at once)")
 
 
 @contextmanager

@@ -32,6 +32,7 @@ from pipeline.chunks import Chunk, Chunks
 from pipeline.kinds import KINDS, Computed, Kind, kind_of
 from pipeline.places import LOBES, Place
 from pipeline.settings import Study
+from pipeline.telling import command
 
 #: What the functions here take that read.
 Group = zarr.Group
@@ -225,7 +226,7 @@ def check(place: Place) -> zarr.Group:
         raise InvalidInput(
             [
                 f"{place.where(place.root)}: the store is damaged beyond its chunks: {what}; restored by: "
-                f"python -m pipeline verify {place.option} repair=true"
+                f"{command('verify', place.option, 'repair=true')}"
                 for what in wrong
             ]
         )

@@ -36,7 +36,7 @@ from chatter_core.evidence.measured import (
 from chatter_core.evidence.table import Rows, read_table
 from chatter_core.evidence.uff import UFF_ENDINGS, read_uff
 from chatter_core.machine import Machine
-from chatter_core.reading import printable, read_machine
+from chatter_core.reading import near_path, printable, read_machine
 
 MACHINE_FILE = "machine.yaml"
 #: Receptances of tool tips that are met [m/N], by the median over frequency.
@@ -85,7 +85,8 @@ def read_campaign(folder: Path) -> Campaign:
     was found and what is allowed.
     """
     if not folder.is_dir():
-        raise InvalidInput([f"{folder}: no such folder; a campaign is a folder with {MACHINE_FILE} and measurements"])
+        what = f"is a file; its folder is {folder.parent}" if folder.is_file() else f"no such folder{near_path(folder)}"
+        raise InvalidInput([f"{folder}: {what}; a campaign is a folder with {MACHINE_FILE} and measurements"])
     unread = _unread_files(folder)
     machine_problems: list[str] = []
     problems: list[str] = []
