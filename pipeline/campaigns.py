@@ -59,7 +59,7 @@ def _no_speed(spindle_speed: Array, modal_parameters: str) -> Array:
     return np.zeros_like(spindle_speed)
 
 
-def options_of(words: Words, kind: type[Options], verb: str) -> Options:
+def options_of(words: Words, kind: type[Options]) -> Options:
     """Return the options of a verb.
 
     Raises InvalidInput for a missing or wrong option, and for words that belong to other verbs: the campaign's
@@ -69,7 +69,8 @@ def options_of(words: Words, kind: type[Options], verb: str) -> Options:
     keys = [word.partition("=")[0] for word in words.values]
     foreign += [key for key in keys if key.split(".")[0] not in ("cluster", EFFECTS)]
     if foreign:
-        raise InvalidInput([f"{word}: not for {verb}, which takes the campaign's own machine.yaml" for word in foreign])
+        instead = f"not for {kind.verb()}, which takes the campaign's own machine.yaml"
+        raise InvalidInput([f"{word}: {instead}" for word in foreign])
     options = kind.read(words.options)
     if options.model is not None:
         given = [key for key in ("base", "modes", EFFECTS) if key in words.options]

@@ -70,7 +70,6 @@ def compute(workers: Workers | None, comparison: Comparison, belief: Belief) -> 
 
 
 VERB = Verb(
-    name="compare",
     options=CompareOptions,
     files=(*comparison_page.FILES, MODEL),
     check=anything_will_do,

@@ -82,7 +82,8 @@ def _of_verb(verb: str, kind: type[Options], word: str) -> Iterator[Proposal]:
         yield from ((f"{name}=", field.description or "") for name, field in kind.model_fields.items())
         for group in kind.groups:
             yield f"{group}=", f"a choice of configs/{group}"
-            yield f"{group}.", f"a key of {group}"
+            if group not in shipped.CHOOSING:
+                yield f"{group}.", f"a key of {group}"
         if "effects" in kind.model_fields:
             yield f"{shipped.EFFECTS}.", "a value of an effect that is on"
         if verb == "dataset":

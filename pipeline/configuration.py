@@ -95,7 +95,7 @@ def _no_pair(word: str, options: list[str], known: Mapping[str, list[str]]) -> s
     """Return what to say of a word that is no key=value: options of other programs begin with dashes."""
     plain = word.lstrip("-")
     key = plain.partition("=")[0]
-    meant = [f"{group}={plain}" for group, choices in known.items() if plain in choices]
+    meant = [f"{group}={plain}" for group in ("study", *known) if plain in known[group]]
     if word != plain and key in (*options, *known):
         meant = [plain if "=" in plain else f"{key}=..."]
     return f"expected key=value{f'; did you mean {meant[0]}?' if meant else ''}"
@@ -104,7 +104,7 @@ def _no_pair(word: str, options: list[str], known: Mapping[str, list[str]]) -> s
 def _near_key(key: str, allowed: list[str]) -> str:
     """Return a hint at the key that may be meant: one of a group, written without it, or one that is alike."""
     whole = [dotted for group in groups() for dotted in shipped.keys(group) if dotted.endswith(f".{key}")]
-    return f"did you mean {' or '.join(whole[:3])}?" if whole else nearest(key, allowed)
+    return f"did you mean {' or '.join(sorted(whole, key=len)[:2])}?" if whole else nearest(key, allowed)
 
 
 @overload

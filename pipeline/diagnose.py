@@ -31,7 +31,6 @@ def _lost(found: Diagnosis) -> int:
 
 
 VERB = Verb(
-    name="diagnose",
     options=DiagnoseOptions,
     files=(*diagnosis_page.FILES, MODEL),
     check=check_enough,

@@ -42,7 +42,6 @@ def _lost(found: Improvement) -> int:
 
 
 VERB = Verb(
-    name="improve",
     options=ImproveOptions,
     files=(*improvement_page.FILES, MODEL),
     check=check_enough,

@@ -40,13 +40,12 @@ DOCUMENTS = (comparison_document.DOCUMENT, diagnosis_document.DOCUMENT)
 class Verb(Generic[Found]):
     """A verb that judges a model by a campaign.
 
-    name; options: what it takes; files: all that its answers may consist of; check: raises InvalidInput where a
+    options: what it takes; files: all that its answers may consist of; check: raises InvalidInput where a
     campaign is not enough; compute: the answer; write: puts it into a folder and returns the paths; summary: for a
     terminal; facts: for scripts, with the campaign's name in them; lost: how many data the answer's model has nothing
     to say of.
     """
 
-    name: str
     options: type[JudgingOptions]
     files: tuple[str, ...]
     check: Callable[[CampaignModel], None]
@@ -64,11 +63,11 @@ def run(verb: Verb[Found], words: list[str]) -> int:
     its folder.
     """
     sorted_words = sort_words(words, verb.options.model_fields)
-    options = options_of(sorted_words, verb.options, verb.name)
+    options = options_of(sorted_words, verb.options)
     with threadpool_limits(1):
         asked = read(options, sorted_words)
         verb.check(asked.model)
-        output = options.output or Path("results") / f"{verb.name}-{asked.name}"
+        output = options.output or Path("results") / f"{options.verb()}-{asked.name}"
         _refuse_loss(verb.files, output, options, asked)
         with _held(output):
             with open_client(asked.cluster) as client:

@@ -23,7 +23,7 @@ from pipeline.verbs.campaigns import PredictOptions
 def run(words: list[str]) -> int:
     """Predict planned cuts and write them; return the exit code."""
     sorted_words = sort_words(words, PredictOptions.model_fields)
-    options = options_of(sorted_words, PredictOptions, "predict")
+    options = options_of(sorted_words, PredictOptions)
     _refuse_loss(options)
     with threadpool_limits(1):
         asked = read(options, sorted_words)

@@ -14,6 +14,8 @@ import configs
 CONFIGS = Path(next(iter(configs.__path__)))
 #: Folder with the configured values of every effect: no group, since effects add up.
 EFFECTS = "effects"
+#: Groups that choose of other groups, and have no keys of their own.
+CHOOSING = ("machine", "study")
 
 
 def groups() -> dict[str, list[str]]:
@@ -32,7 +34,7 @@ def effects() -> list[str]:
 
 def keys(group: str) -> list[str]:
     """Return the dotted keys of a group, all that one of its choices has: ``grid.spindle_speed_rpm.count``."""
-    files = sorted((CONFIGS / group).glob("*.yaml"))
+    files = [] if group in CHOOSING else sorted((CONFIGS / group).glob("*.yaml"))
     found = (f"{group}.{key}" for file in files for key in _dotted(_content(file)))
     return list(dict.fromkeys(found))
 

@@ -20,7 +20,7 @@ def study_place(words: list[str], kind: type[Asked]) -> tuple[Place, Asked]:
     """
     found = sort_words(words, kind.model_fields)
     takes = ", ".join(f"{option}=..." for option in kind.model_fields if option not in Options.model_fields)
-    problems = [f"{word}: not for this verb, which takes {takes} alone" for word in found.of_machine]
+    problems = [f"{word}: not for {kind.verb()}, which takes {takes} alone" for word in found.of_machine]
     if not {"output", "store"} & set(found.options):
         problems.append("output: missing; needed: the folder of a study, or store=s3://BUCKET/PREFIX")
     if problems:

@@ -17,19 +17,22 @@ from pipeline.verbs.stores import JournalOptions, PackOptions, ReportOptions, St
 from pipeline.verbs.studies import DatasetOptions, PaperOptions, PointOptions, SweepOptions
 
 VERBS: dict[str, type[Options]] = {
-    "sweep": SweepOptions,
-    "dataset": DatasetOptions,
-    "point": PointOptions,
-    "compare": CompareOptions,
-    "diagnose": DiagnoseOptions,
-    "improve": ImproveOptions,
-    "predict": PredictOptions,
-    "identify": IdentifyOptions,
-    "paper": PaperOptions,
-    "template": TemplateOptions,
-    "report": ReportOptions,
-    "verify": VerifyOptions,
-    "pack": PackOptions,
-    "journal": JournalOptions,
-    "status": StatusOptions,
+    kind.verb(): kind
+    for kind in (
+        SweepOptions,
+        DatasetOptions,
+        PointOptions,
+        CompareOptions,
+        DiagnoseOptions,
+        ImproveOptions,
+        PredictOptions,
+        IdentifyOptions,
+        PaperOptions,
+        TemplateOptions,
+        ReportOptions,
+        VerifyOptions,
+        PackOptions,
+        JournalOptions,
+        StatusOptions,
+    )
 }

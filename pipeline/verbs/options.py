@@ -49,6 +49,11 @@ class Options(BaseModel):
     quiet: Truth = Field(default="false", description="true: nothing is told but errors, and the exit code")
 
     @classmethod
+    def verb(cls) -> str:
+        """Return the verb's name."""
+        return cls.__name__.removesuffix("Options").lower()
+
+    @classmethod
     def summary(cls) -> str:
         """Return in a line what the verb does."""
         return cls.explanation()[0]

@@ -177,7 +177,7 @@ def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path
             ["method: method 'collocation' takes tolerance, and not intervals or order"],
         ),
         (["sweep", "cluster.kind=address"], ["cluster: address: needed for kind 'address'"]),
-        (["sweep", "retry_failed=perhaps"], ["retry_failed: found 'perhaps', allowed: true, false"]),
+        (["sweep", "retry_failed=perhaps"], ["retry_failed: found 'perhaps', allowed: one of 'true' or 'false'"]),
         (["sweep", "machine=nowhere/machine.yaml"], ["nowhere/machine.yaml: no such file"]),
         (["sweep", "reference"], ["reference: expected key=value"]),
         (["sweeep"], ["sweeep: unknown verb; did you mean sweep?"]),
