@@ -77,7 +77,7 @@ def _of_verb(verb: str, kind: type[Options], word: str) -> Iterator[Proposal]:
     elif verb == "dataset" and word.startswith(VARY):
         yield from ((f"{VARY}{one}=", "") for group in MACHINE[1:] for one in shipped.keys(group))
     elif "." in word:
-        yield from ((f"{one}=", "") for one in _dotted(kind, word))
+        yield from ((one if one.endswith(".") else f"{one}=", "") for one in _dotted(kind, word))
     else:
         yield from ((f"{name}=", field.description or "") for name, field in kind.model_fields.items())
         for group in kind.groups:

@@ -39,8 +39,11 @@ def run(words: list[str]) -> int:
     _check_output(options, sorted_words)
     measured, machine = _read(options, sorted_words)
     rest = {key: value for key, value in machine.described().items() if key in REST} if machine else {}
-    for line in _of_the_reader(measured):
+    odd = _of_the_reader(measured)
+    for line in odd:
         remark(line)
+    if odd:
+        say("")
     receptances = [_within(options, receptance) for receptance in measured.receptances if receptance.is_direct]
     try:
         found = identify_tip(receptances, mode_count=options.modes)

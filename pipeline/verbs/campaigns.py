@@ -100,6 +100,6 @@ class IdentifyOptions(Options):
 class TemplateOptions(Options):
     """Write an empty measurement campaign to fill in, every file, key and column explained."""
 
-    examples = ("template output=my_campaign",)
+    examples = ("template output=my_campaign", "template output=campaigns/lathe_hall/2026_11 quiet=true")
 
     output: DirectoryPath = Field(description="a new folder for the campaign")

@@ -39,4 +39,4 @@ class VerifyOptions(PlaceOptions):
 class PackOptions(PlaceOptions):
     """Put a finished study's chunks into few files, each still with its own checksum."""
 
-    examples = (f"pack output={OVERNIGHT}",)
+    examples = (f"pack output={OVERNIGHT}", f"pack output={OVERNIGHT} quiet=true")
