@@ -11,7 +11,7 @@ from types import FrameType
 from chatter_core.errors import ChatterError, InvalidInput
 from pipeline import completion, usage
 from pipeline.errors import StoreInUse
-from pipeline.telling import complain, finish, note, told
+from pipeline.telling import complain, finish, note, say, told
 from pipeline.verbs import VERBS
 
 __all__ = ["VERBS", "main"]
@@ -42,7 +42,7 @@ def main(words: list[str] | None = None) -> int:
 def _carry_out(verb: str, rest: list[str]) -> int:
     """Answer at once, or do what a verb does; return the exit code."""
     if not verb or verb in ANSWERS:
-        print(ANSWERS[verb or "help"](rest))
+        say(ANSWERS[verb or "help"](rest))
         return 0 if verb else 2
     with _role(rest) as drives, _terminated_in_order():
         return _run_of(verb)(rest) if drives else 0

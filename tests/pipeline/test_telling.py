@@ -19,6 +19,7 @@ SMALL = [
     "study=smoke", "grid.spindle_speed_rpm=[9000]", "grid.axial_depth_mm=[1]", "grid.mode_count=[1]",
     "grid.modal_parameters=[dynamic]", "cluster=serial",
 ]  # fmt: skip
+DOCUMENTED = (ROOT / "docs" / "command_line.md").read_text()
 ENDS = {"verb", "written", "remarks", "errors", "exit_code"}
 
 
@@ -40,7 +41,9 @@ def object_of(capsys, *words, code=0):
     """The one object on standard output, and what people are told."""
     assert main([*words, "format=json"]) == code
     told = capsys.readouterr()
-    return json.loads(told.out), told.err
+    found = json.loads(told.out)
+    assert all(f"`{key}`" in DOCUMENTED for key in found)
+    return found, told.err
 
 
 def test_every_verb_of_a_study_tells_scripts_its_results(study, capsys):
