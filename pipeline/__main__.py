@@ -11,7 +11,7 @@ from types import FrameType
 from chatter_core.errors import ChatterError, InvalidInput
 from pipeline import completion, usage
 from pipeline.errors import StoreInUse
-from pipeline.telling import complain, finish, note, say, told
+from pipeline.telling import complain, finish, leave_telling, note, say, told
 from pipeline.verbs import VERBS
 
 __all__ = ["VERBS", "main"]
@@ -45,7 +45,10 @@ def _carry_out(verb: str, rest: list[str]) -> int:
         say(ANSWERS[verb or "help"](rest))
         return 0 if verb else 2
     with _role(rest) as drives, _terminated_in_order():
-        return _run_of(verb)(rest) if drives else 0
+        if drives:
+            return _run_of(verb)(rest)
+    leave_telling()
+    return 0
 
 
 def _guarded(work: Callable[[], int]) -> int:

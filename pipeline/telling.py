@@ -88,6 +88,11 @@ def bars() -> bool:
     return sys.stderr.isatty() and not _now.quiet
 
 
+def leave_telling() -> None:
+    """Leave the JSON object to another process of this run."""
+    _now.as_json = False
+
+
 def finish(telling: Telling, verb: str, code: int) -> int:
     """Write the JSON object where one was asked for; return the exit code."""
     if telling.as_json:

@@ -49,7 +49,8 @@ class Findings:
 def checked_file(path: Path) -> Path:
     """Return a file's path; raise InvalidInput when it is no file of its folder or cannot be read."""
     if not path.is_file():
-        raise InvalidInput([f"{path}: {'is no file' if path.exists() else f'no such file{near_path(path)}'}"])
+        what = "is no file" if path.exists() or path.is_symlink() else f"no such file{near_path(path)}"
+        raise InvalidInput([f"{path}: {what}"])
     if not path.resolve().is_relative_to(path.parent.resolve()):
         raise InvalidInput([f"{path}: leads out of its folder; put the file itself there"])
     if not os.access(path, os.R_OK):
