@@ -79,12 +79,12 @@ def _of_verb(verb: str, kind: type[Options], word: str) -> Iterator[Proposal]:
     elif "." in word:
         yield from ((one if one.endswith(".") else f"{one}=", "") for one in _dotted(kind, word))
     else:
-        yield from ((f"{name}=", field.description or "") for name, field in kind.model_fields.items())
+        yield from ((f"{name}=", field.description or "") for name, field in kind.fields().items())
         for group in kind.groups:
             yield f"{group}=", f"a choice of configs/{group}"
             if group not in shipped.CHOOSING:
                 yield f"{group}.", f"a key of {group}"
-        if "effects" in kind.model_fields:
+        if "effects" in kind.fields():
             yield f"{shipped.EFFECTS}.", "a value of an effect that is on"
         if verb == "dataset":
             yield VARY, "a key that varies"
@@ -95,7 +95,7 @@ def _dotted(kind: type[Options], word: str) -> list[str]:
     group, _, rest = word.partition(".")
     if group in kind.groups:
         return shipped.keys(group)
-    if group == shipped.EFFECTS and "effects" in kind.model_fields:
+    if group == shipped.EFFECTS and "effects" in kind.fields():
         effect, dot, _ = rest.partition(".")
         return shipped.effect_keys(effect) if dot else [f"{group}.{one}." for one in shipped.effects()]
     return []
@@ -109,7 +109,7 @@ def _values(kind: type[Options], key: str, value: str) -> Iterator[str]:
         # The last of a list is completed, the others stay.
         begun = value[: max(value.rfind("["), value.rfind(",")) + 1]
         yield from (f"{begun}{one}" for one in shipped.effects())
-    field = kind.model_fields.get(key)
+    field = kind.fields().get(key)
     choices = kind.choices_of(key) if field else ()
     yield from choices
     if key in ("machine", "design") or (field and kind.is_path(key)):

@@ -21,7 +21,7 @@ def run(words: list[str]) -> int:
     varied = dict(word.removeprefix(VARY).split("=", 1) for word in words if word.startswith(VARY) and "=" in word)
     files = [word for word in words if word.startswith("design=") and word.endswith((".yaml", ".yml"))]
     others = [word for word in words if word not in files and not (word.startswith(VARY) and "=" in word)]
-    sorted_words = sort_words(others, DatasetOptions.model_fields)
+    sorted_words = sort_words(others, DatasetOptions.fields())
     options = DatasetOptions.read(sorted_words.options)
     changes = {"design": load_yaml(Path(files[-1].removeprefix("design=")))} if files else {}
     settings = compose_settings(sorted_words, DatasetSettings, changes, lambda data: _let_vary(data, varied))

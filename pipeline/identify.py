@@ -33,7 +33,7 @@ DIGITS, DEVIATION_DIGITS = 6, 3
 
 def run(words: list[str]) -> int:
     """Identify the tip from measured receptances and write it as a machine; return the exit code."""
-    sorted_words = sort_words(words, IdentifyOptions.model_fields)
+    sorted_words = sort_words(words, IdentifyOptions.fields())
     options = IdentifyOptions.read(sorted_words.options)
     source = _source(options, sorted_words)
     _check_output(options, sorted_words)

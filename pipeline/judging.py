@@ -62,7 +62,7 @@ def run(verb: Verb[Found], words: list[str]) -> int:
     Raises InvalidInput for bad input and where the answer cannot be written, StoreInUse where another run holds
     its folder.
     """
-    sorted_words = sort_words(words, verb.options.model_fields)
+    sorted_words = sort_words(words, verb.options.fields())
     options = options_of(sorted_words, verb.options)
     with threadpool_limits(1):
         asked = read(options, sorted_words)

@@ -52,7 +52,7 @@ FEWEST_SPEEDS = 10
 
 def run(words: list[str]) -> int:
     """Compute both studies of the paper, draw its figures and write what holds; return the exit code."""
-    sorted_words = sort_words(words, PaperOptions.model_fields)
+    sorted_words = sort_words(words, PaperOptions.fields())
     options = PaperOptions.read(sorted_words.options)
     problems = [
         f"{key}: not for paper, which has its own two studies; grid.spindle_speed_rpm and others may be changed"

@@ -26,7 +26,7 @@ USUAL_MODES = 4
 
 def run(words: list[str]) -> int:
     """Answer one operating point; return the exit code."""
-    sorted_words = sort_words(words, PointOptions.model_fields)
+    sorted_words = sort_words(words, PointOptions.fields())
     options = PointOptions.read(sorted_words.options)
     if "base" in sorted_words.options:
         options = options.model_copy(update={"modal_parameters": BASES[options.base]})

@@ -22,7 +22,7 @@ from pipeline.verbs.campaigns import PredictOptions
 
 def run(words: list[str]) -> int:
     """Predict planned cuts and write them; return the exit code."""
-    sorted_words = sort_words(words, PredictOptions.model_fields)
+    sorted_words = sort_words(words, PredictOptions.fields())
     options = options_of(sorted_words, PredictOptions)
     _refuse_loss(options)
     with threadpool_limits(1):

@@ -18,8 +18,8 @@ def study_place(words: list[str], kind: type[Asked]) -> tuple[Place, Asked]:
 
     Raises InvalidInput for words of another kind, and where the place holds no study.
     """
-    found = sort_words(words, kind.model_fields)
-    takes = ", ".join(f"{option}=..." for option in kind.model_fields if option not in Options.model_fields)
+    found = sort_words(words, kind.fields())
+    takes = ", ".join(f"{option}=..." for option in kind.fields() if option not in Options.fields())
     problems = [f"{word}: not for {kind.verb()}, which takes {takes} alone" for word in found.of_machine]
     if not {"output", "store"} & set(found.options):
         problems.append("output: missing; needed: the folder of a study, or store=s3://BUCKET/PREFIX")

@@ -6,7 +6,7 @@ from pipeline.places import LOBES
 from pipeline.verbs.studies import SweepOptions
 
 #: Words of a sweep beside those of its study.
-OPTIONS = tuple(SweepOptions.model_fields)
+OPTIONS = tuple(SweepOptions.fields())
 
 
 def run(words: list[str]) -> int:

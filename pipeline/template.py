@@ -58,7 +58,7 @@ A stable trial has no chatter frequency: one that is noted there is not used.
 
 def run(words: list[str]) -> int:
     """Write an empty campaign into a new folder; return the exit code."""
-    sorted_words = sort_words(words, TemplateOptions.model_fields)
+    sorted_words = sort_words(words, TemplateOptions.fields())
     if sorted_words.of_machine:
         raise InvalidInput(
             [f"{word}: not for template, which takes output=DIR alone" for word in sorted_words.of_machine]

@@ -84,7 +84,7 @@ def _general() -> str:
             "\neffects, with the values of configs/effects",
             textwrap.fill(", ".join(shipped.effects()), WIDTH, initial_indent="  ", subsequent_indent="  "),
             "\noptions of every verb",
-            *_options(Options, list(Options.model_fields)),
+            *_options(Options, list(Options.fields())),
             "\nexamples",
             *(f"  {program()} {example}" for example in EXAMPLES),
             f"\n{EXITS}",
@@ -93,18 +93,18 @@ def _general() -> str:
 
 
 def _on_verb(name: str, kind: type[Options]) -> str:
-    own = [option for option in kind.model_fields if option not in Options.model_fields]
+    own = [option for option in kind.fields() if option not in Options.fields()]
     words = " [group=choice ...] [group.key=value ...]" if kind.groups else ""
     parts = [
         *kind.explanation(),
         f"\nusage: {command(name)}{words} [option=value ...]",
         "\noptions",
         *_options(kind, own),
-        *_options(kind, list(Options.model_fields)),
+        *_options(kind, list(Options.fields())),
     ]
     if kind.groups:
         parts += ["\ngroups, their choices, and any of their keys by group.key=value", *_groups(kind.groups)]
-    if "effects" in kind.model_fields:
+    if "effects" in kind.fields():
         effects = f"effects: {', '.join(shipped.effects())}; one is changed by effects.NAME.KEY=VALUE"
         parts += ["", textwrap.fill(effects, WIDTH)]
     return "\n".join([*parts, "\nexamples", *(f"  {program()} {example}" for example in kind.examples), f"\n{EXITS}"])
@@ -116,7 +116,7 @@ def _groups(names: tuple[str, ...]) -> list[str]:
 
 
 def _options(kind: type[Options], names: list[str]) -> list[str]:
-    fields = kind.model_fields
+    fields = kind.fields()
     needed_first = sorted(names, key=lambda name: not fields[name].is_required())
     return [_entry(f"{name}={kind.shape_of(name)}", _meaning(fields[name]), COLUMN) for name in needed_first]
 

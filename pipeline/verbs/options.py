@@ -28,6 +28,8 @@ def _small(said: Any) -> Any:
 
 #: Yes or no.
 Truth = Annotated[Literal["true", "false"], BeforeValidator(_small)]
+#: Seconds after which a run that is not heard of holds an object store no longer, unless said, and what may be said.
+LEASE, SHORTEST, LONGEST = 60.0, 3.0, 86400.0
 #: Groups of configs that describe the machine and its cut.
 MACHINE = ("machine", "bearing", "spindle", "tool", "cutting", "process")
 
@@ -49,6 +51,11 @@ class Options(BaseModel):
     quiet: Truth = Field(default="false", description="true: nothing is told but errors, and the exit code")
 
     @classmethod
+    def fields(cls) -> dict[str, FieldInfo]:
+        """Return the options by their keys, as they are said."""
+        return {field.alias or name: field for name, field in cls.model_fields.items()}
+
+    @classmethod
     def verb(cls) -> str:
         """Return the verb's name."""
         return cls.__name__.removesuffix("Options").lower()
@@ -66,28 +73,28 @@ class Options(BaseModel):
     @classmethod
     def choices_of(cls, name: str) -> tuple[str, ...]:
         """Return the choices of an option, none where it has none."""
-        return next((get_args(one) for one in _kinds(cls.model_fields[name]) if get_origin(one) is Literal), ())
+        return next((get_args(one) for one in _kinds(cls.fields()[name]) if get_origin(one) is Literal), ())
 
     @classmethod
     def shape_of(cls, name: str) -> str:
         """Return what may be said for an option: its choices, or what kind of thing."""
         if cls.choices_of(name):
             return "|".join(cls.choices_of(name))
-        kinds = _kinds(cls.model_fields[name])
+        kinds = _kinds(cls.fields()[name])
         words = [one for one in kinds if isinstance(one, str)]
         return words[0] if words else "NUMBER"
 
     @classmethod
     def is_path(cls, name: str) -> bool:
         """Return whether an option names a file or a folder."""
-        return Path in _kinds(cls.model_fields[name])
+        return Path in _kinds(cls.fields()[name])
 
     @classmethod
     def read(cls, said: Mapping[str, str]) -> Self:
         """Return the options that are said; raise InvalidInput with every one that is missing or wrong."""
-        empty = [name for name, value in said.items() if not value and name in cls.model_fields]
+        empty = [name for name, value in said.items() if not value and name in cls.fields()]
         if empty:
-            raise InvalidInput([f"{name}: is empty; needed: {cls.model_fields[name].description}" for name in empty])
+            raise InvalidInput([f"{name}: is empty; needed: {cls.fields()[name].description}" for name in empty])
         try:
             return cls.model_validate(dict(said))
         except ValidationError as error:
@@ -125,5 +132,7 @@ class PlaceOptions(Options):
     output: DirectoryPath | None = Field(default=None, description="folder of the study, or for what people read of it")
     store: Address | None = Field(default=None, description="the study lies in an object store")
     lease_s: Seconds | None = Field(
-        default=None, description="seconds that a run holds an object store without being heard of (60)"
+        default=None,
+        description="seconds that a run holds an object store without being heard of; "
+        f"{SHORTEST:g} to {LONGEST:g}, default {LEASE:g}",
     )

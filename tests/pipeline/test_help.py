@@ -25,7 +25,7 @@ def test_help_on_a_verb_has_its_options_choices_and_examples(verb, capsys):
     assert main([verb, "--help"]) == 0
     assert capsys.readouterr().out == told
     assert told.startswith(kind.summary())
-    for name, field in kind.model_fields.items():
+    for name, field in kind.fields().items():
         assert re.search(rf"^  {name}=.*", told, re.MULTILINE)
         assert field.description
     for group in kind.groups:
@@ -40,7 +40,7 @@ def test_examples_are_words_that_their_verb_takes(example):
     verb, *words = shlex.split(example)
     kind = VERBS[verb]
     plain = [word for word in words if not word.startswith("vary.")]
-    found = sort_words(plain, kind.model_fields)
+    found = sort_words(plain, kind.fields())
     kind.read(found.options)
     assert {*found.choices} <= {*kind.groups}
     assert all(word.partition(".")[0] in kind.groups for word in found.values)
