@@ -243,17 +243,3 @@ def test_a_pipe_is_no_machine_file(capsys, tmp_path):
     os.mkfifo(tmp_path / "machine.yaml")
     assert main([*POINT, f"machine={tmp_path / 'machine.yaml'}"]) == 2
     assert "is no file" in capsys.readouterr().err
-
-
-def test_help_is_given_wherever_it_is_asked_for(capsys):
-    assert main(["sweep", "--help"]) == 0
-    assert "study=smoke" in capsys.readouterr().out
-
-
-def test_help_and_version(capsys):
-    assert main(["--help"]) == 0
-    studies = "dataset_overnight, dataset_small, overnight, paper_alone, paper_together, parameter_study, reference"
-    assert f"study    {studies}, sensitivity, smoke" in capsys.readouterr().out
-    assert main(["--version"]) == 0
-    assert capsys.readouterr().out.strip().count(".") == 2
-    assert main([]) == 2

@@ -35,6 +35,16 @@ def test_help_on_a_verb_has_its_options_choices_and_examples(verb, capsys):
     assert max(map(len, told.splitlines())) <= 120
 
 
+def test_help_on_the_program_has_its_verbs_groups_and_effects(capsys):
+    assert main(["--help"]) == 0
+    told = capsys.readouterr().out
+    groups = [choice for choices in shipped.groups().values() for choice in choices]
+    assert all(word in told for word in [*VERBS, *groups, *shipped.effects()])
+    # Without a word it is given, too, but what was asked for is not done.
+    assert main([]) == 2
+    assert capsys.readouterr().out == told
+
+
 @pytest.mark.parametrize("example", [line for kind in VERBS.values() for line in kind.examples])
 def test_examples_are_words_that_their_verb_takes(example):
     verb, *words = shlex.split(example)
