@@ -2,7 +2,6 @@
 
 import logging
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -19,6 +18,7 @@ from chatter_core.errors import InvalidInput
 from pipeline.errors import WorkersLost
 from pipeline.queue_jobs import open_queue
 from pipeline.settings import Cluster
+from pipeline.telling import note
 
 #: Seconds to wait for a scheduler to answer.
 SCHEDULER_PATIENCE = 60
@@ -233,9 +233,7 @@ def _await_worker(client: Client, patience: float, stopping: Callable[[], bool],
         said = told()
         if now - word >= WORD_INTERVAL:
             word = now
-            print(
-                f"waiting for the first worker, {now - began:.0f} s of {patience:g}{said}", file=sys.stderr, flush=True
-            )
+            note(f"waiting for the first worker, {now - began:.0f} s of {patience:g}{said}")
         time.sleep(FIRST_LOOK)
 
 

@@ -3,10 +3,8 @@
 import errno
 import json
 import os
-import shlex
 import signal
 import socket
-import sys
 import threading
 import time
 from collections import Counter
@@ -32,6 +30,7 @@ from pipeline.provenance import code_version
 from pipeline.settings import Cluster, Study, differing_keys
 from pipeline.stopping import signals
 from pipeline.task import Record, Task, compute_first
+from pipeline.telling import bars, command, complain, fact, note, say, wrote
 
 #: What is in a place whose study was being created when the run was killed.
 OF_A_CREATION = {".lock", LOCK, CLOCK, *STORES, metadata.COPY}
@@ -53,13 +52,11 @@ def execute_words(
 ) -> int:
     """Compute what is missing of a study in the place that the options of its verb name, by default one of its own.
 
-    root: name of the store. Returns and raises what ``execute`` does, and InvalidInput for an option that is wrong.
+    root: name of the store. Returns and raises what ``execute`` does.
     """
-    retry = options.get("retry_failed", "false").lower()
-    if retry not in ("true", "false"):
-        raise InvalidInput([f"retry_failed: found {retry!r}, allowed: true, false"])
+    retry = options.get("retry_failed", "false").lower() == "true"
     place = place_of(options, Path("results") / f"{settings.study}-{settings.fingerprint()[:8]}", root)
-    return execute(settings, place, retry_failed=retry == "true", argv=argv, budget=budget)
+    return execute(settings, place, retry_failed=retry, argv=argv, budget=budget)
 
 
 def execute(
@@ -105,10 +102,10 @@ def carry_on(
         still_held()
         written = _finish(place, journal, counts)
     except Stopped as stop:
-        again = f"python -m pipeline {kind_of(place).verb} {shlex.join(argv)}" if argv else "the same command"
+        again = command(kind_of(place).verb, *argv) if argv else "the same command"
         # Where its terminal was closed nobody reads what a run says.
         journal.write("stopped", signal=str(stop), again=again)
-        print(f"stopped; nothing is lost. Go on with: {again}", file=sys.stderr)
+        note(f"stopped; nothing is lost. Go on with: {again}")
         return 128 + stop.number
     except OSError as error:
         # The disk is full or ill, or the place has gone away: what was computed before is in the store.
@@ -144,7 +141,7 @@ def _prepare(settings: Study, place: Place, argv: list[str]) -> None:
         name = place.option.partition("=")[0]
         raise InvalidInput([f"{place}: holds files that are no study; choose an empty place with {name}="])
     if len(store.written_at(place)):
-        restored = f"restored by: python -m pipeline verify {place.option} repair=true"
+        restored = f"restored by: {command('verify', place.option, 'repair=true')}"
         raise InvalidInput([f"{place}: {RECORD} is missing beside a store that holds results; {restored}"])
     # The record is written after the template, so a template that was cut short is made again.
     store.create(place, settings, argv)
@@ -224,9 +221,7 @@ def _kept(place: Place, short: bool) -> Counter[str]:
 
 def _compile_once(task: Task) -> None:
     """Have the physics compiled here before several workers compile it side by side, and say so where it takes time."""
-    told = threading.Timer(
-        COMPILING_PATIENCE, print, ["compiling, once after installation: about 15 s"], {"file": sys.stderr}
-    )
+    told = threading.Timer(COMPILING_PATIENCE, note, ["compiling, once after installation: about 15 s"])
     told.daemon = True
     told.start()
     try:
@@ -243,8 +238,8 @@ def _note_pages(journal: Journal, cluster: Cluster, address: str | None) -> None
     if address is None:
         return
     journal.write("workers", cluster=cluster.kind, pages=address)
-    if sys.stderr.isatty():
-        print(f"workers can be watched at {address}", file=sys.stderr)
+    if bars():
+        note(f"workers can be watched at {address}")
 
 
 def _note(journal: Journal, record: Record, entry: str) -> None:
@@ -290,21 +285,23 @@ def _finish(place: Place, journal: Journal, counts: Counter[str]) -> list[Path]:
 
 def _tell(place: Place, counts: Counter[str], written: list[Path], journal: Journal) -> int:
     """Say what there is; return the exit code."""
-    print(f"store:   {place.where(place.root)}")
-    for file in written:
-        print(f"written: {file}")
     failed = {name: count for name, count in counts.items() if count and STATUS[name] in FAILED}
+    store_at = place.where(place.root)
+    say(f"store:   {store_at}")
+    fact(
+        store=store_at,
+        journal=journal.path,
+        cells={name: count for name, count in counts.items() if count},
+        cells_failed=sum(failed.values()),
+        cells_total=counts.total(),
+    )
+    wrote(written)
     if counts["pending"]:
-        print(
-            f"{counts['pending']} of {counts.total()} are not computed yet: the time is up; the same command goes on",
-            file=sys.stderr,
-        )
+        note(f"{counts['pending']} of {counts.total()} are not computed yet: the time is up; the same command goes on")
     if failed:
-        told = ", ".join(f"{count} {name}" for name, count in failed.items())
-        print(
-            f"{sum(failed.values())} of {counts.total()} cells failed and are marked ({told}); "
-            f"see {journal.path}; compute them again with retry_failed=true",
-            file=sys.stderr,
+        why = ", ".join(f"{count} {name}" for name, count in failed.items())
+        complain(
+            f"{sum(failed.values())} of {counts.total()} cells failed and are marked ({why}); "
+            f"see {journal.path}; compute them again with retry_failed=true"
         )
-        return 1
-    return 0
+    return 1 if failed else 0

@@ -16,6 +16,8 @@ from pipeline.kinds import kind_of
 from pipeline.places import Place
 from pipeline.provenance import now
 from pipeline.study_place import study_place
+from pipeline.telling import fact, say
+from pipeline.verbs.stores import JournalOptions
 
 FILE = "journal.jsonl"
 #: What a line begins with: the checksum of all the rest of it, as if it stood alone; or none.
@@ -56,11 +58,14 @@ def _ends_a_line(path: Path) -> bool:
 
 def run(words: list[str]) -> int:
     """Tell what happened in the runs of a study."""
-    place, _ = study_place(words, "journal")
+    place, _ = study_place(words, JournalOptions)
     path = place.make_output() / FILE
     if not path.exists():
         raise InvalidInput([f"{path}: there is no journal; it is written where a study is computed"])
-    print("\n".join(sentences(*read(path), _places(place))))
+    events, torn = read(path)
+    kept = list(events)
+    fact(events=kept, torn_lines=torn)
+    say("\n".join(sentences(kept, torn, _places(place))))
     return 0
 
 

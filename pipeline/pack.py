@@ -14,6 +14,8 @@ from pipeline.places.folder import PACKING
 from pipeline.progress import Meter
 from pipeline.provenance import now
 from pipeline.study_place import study_place
+from pipeline.telling import command, fact, say
+from pipeline.verbs.stores import PackOptions
 
 #: What a shard holds at most, uncompressed [bytes]: it is written in one piece.
 SHARD_BYTES = 128 * 1024**2
@@ -21,14 +23,15 @@ SHARD_BYTES = 128 * 1024**2
 
 def run(words: list[str]) -> int:
     """Pack the store of a finished study."""
-    place, _ = study_place(words, "pack")
+    place, _ = study_place(words, PackOptions)
     if not isinstance(place, Folder):
         raise InvalidInput(
             [f"{place}: pack is for stores in folders; copy this one into a folder of this machine and pack it there"]
         )
     with place.held():
         before, after = pack(place)
-    print(f"{place.where(place.root)}: {before} files, now {after}")
+    say(f"{place.where(place.root)}: {before} files, now {after}")
+    fact(store=place.where(place.root), files_before=before, files_now=after)
     return 0
 
 
@@ -78,7 +81,7 @@ def _require_finished(place: Folder) -> None:
     where = place.where(place.root)
     damaged = sum(len(found) for _, found in survey.damaged(place))
     if damaged:
-        first = f"python -m pipeline verify {place.option} repair=true"
+        first = command("verify", place.option, "repair=true")
         raise InvalidInput([f"{where}: {damaged} chunks are damaged; first: {first}"])
     pending = sum(int((tally[:, STATUS["pending"]] > 0).sum()) for _, tally in survey.tallies(place))
     if pending:

@@ -8,6 +8,8 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, select_autoescape
 
+from pipeline.telling import command
+
 #: Bytes of tables that a page offers together.
 DOWNLOADS = 600_000
 
@@ -26,7 +28,7 @@ def provenance(attributes: Mapping[str, Any], verb: str) -> list[tuple[str, str]
     versions = ", ".join(f"{name} {number}" for name, number in attributes["versions"].items())
     return [
         ("fingerprint", attributes["fingerprint"]),
-        ("command", f"python -m pipeline {verb} " + " ".join(attributes["command"])),
+        ("command", command(verb, *attributes["command"])),
         ("code", attributes["code"]),
         ("versions", versions),
         ("platform", attributes["platform"]),

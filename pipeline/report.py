@@ -21,6 +21,8 @@ from pipeline.places import LOBES, Place
 from pipeline.plots import embed
 from pipeline.study_place import study_place
 from pipeline.study_plots import CHOICE, study_plots
+from pipeline.telling import fact, wrote
+from pipeline.verbs.stores import ReportOptions
 
 #: Rows of a table on the page; the CSV files hold all.
 PAGE_ROWS = 24
@@ -49,9 +51,9 @@ MOST_LINES, MOST_CELLS = 50_000, 4_000_000
 
 def run(words: list[str]) -> int:
     """Write the report of a folder again; return the exit code."""
-    place, _ = study_place(words, "report")
-    for file in kind_of(place).report(place):
-        print(f"written: {file}")
+    place, _ = study_place(words, ReportOptions)
+    fact(store=place.where(place.root))
+    wrote(kind_of(place).report(place))
     return 0
 
 

@@ -3,11 +3,12 @@
 import os
 import signal
 import stat
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+from pipeline.telling import note
 
 #: Ctrl-C, whoever ends processes in good order, and a terminal that is closed.
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -34,7 +35,7 @@ class Stopping:
         if self.number:
             raise KeyboardInterrupt
         self.number = number
-        print("\nstopping: waiting for the chunks in progress (once more to stop at once)", file=sys.stderr, flush=True)
+        note("\nstopping: waiting for the chunks in progress (once more to stop at once)")
 
 
 def leave_terminal() -> None:

@@ -29,6 +29,7 @@ from pipeline.kinds import KINDS, Computed, Kind, kind_of
 from pipeline.places import LOBES, Place
 from pipeline.provenance import provenance
 from pipeline.settings import Study
+from pipeline.telling import command
 
 #: What the functions here take that read.
 Group = zarr.Group
@@ -237,7 +238,7 @@ def check(place: Place) -> zarr.Group:
         raise InvalidInput(
             [
                 f"{place.where(place.root)}: the store is damaged beyond its chunks: {what}; restored by: "
-                f"python -m pipeline verify {place.option} repair=true"
+                f"{command('verify', place.option, 'repair=true')}"
                 for what in wrong
             ]
         )

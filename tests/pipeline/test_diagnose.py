@@ -2,6 +2,8 @@
 
 import csv
 import json
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +23,20 @@ VERDICTS = ("none", "effect", "ambiguous", "unexplained", "underpowered")
 def improved(tmp_path_factory):
     """What ``improve`` leaves of the real cuts in up-milling."""
     output = tmp_path_factory.mktemp("improve") / "r01"
-    assert main(["improve", f"campaign={CAMPAIGNS / 'r01'}", f"output={output}", "cluster=serial"]) == 0
+    with redirect_stdout(StringIO()) as told:
+        words = [f"campaign={CAMPAIGNS / 'r01'}", f"output={output}", "cluster=serial", "format=json"]
+        assert main(["improve", *words]) == 0
+    (output / "told.json").write_text(told.getvalue())
     return output
+
+
+def test_scripts_are_told_what_was_added_and_the_last_diagnosis(improved):
+    told = json.loads((improved / "told.json").read_text())
+    assert (told["verb"], told["campaign"], told["exit_code"], told["errors"]) == ("improve", "r01", 0, [])
+    with (improved / "history.csv").open() as file:
+        assert [row["effect"] for row in told["history"]] == [row["effect"] for row in csv.DictReader(file)]
+    assert told["diagnosis"]["verdict"] in VERDICTS
+    assert {Path(path).name for path in told["written"]} >= {"model.yaml", "history.csv", "diagnosis.json"}
 
 
 def test_a_diagnosis_has_one_of_five_answers_and_its_reasons(improved):
