@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from pipeline.dataset_tables import limit_or_deepest, quantiles
 from pipeline.figures import COLOURS, panel
+from pipeline.page import cell
 from pipeline.sensitivity import KEY
 
 matplotlib.use("Agg")
@@ -62,7 +63,7 @@ def tornado(told: pd.DataFrame, text: str) -> Figure:
     if "change_at_low_percent" in shown:
         for end, colour in (("low", COLOURS[0]), ("high", COLOURS[1])):
             axes.barh(place, shown[f"change_at_{end}_percent"], color=colour, label=f"at the {end} end")
-        labels = [f"{row.key}\n{row.low} to {row.high}" for row in shown.itertuples()]
+        labels = [f"{row.key}\n{cell(row.low)} to {cell(row.high)}" for row in shown.itertuples()]
         axes.axvline(0.0, color="black", lw=0.8)
         axes.set_xlabel("change of the lowest limit depth [%]")
         axes.legend(frameon=False)

@@ -11,6 +11,7 @@ from bokeh.plotting import figure
 from pipeline.dataset_figures import BANDS, MOST_INPUTS, SHOWN
 from pipeline.dataset_tables import LOWEST, RATE, limit_or_deepest, numbered, quantiles
 from pipeline.figures import COLOURS
+from pipeline.page import cell
 from pipeline.plots import Choices, add_key, hover, numbers, plot
 from pipeline.sensitivity import KEY
 
@@ -80,7 +81,7 @@ def _limits(data: xr.Dataset, samples: pd.DataFrame) -> tuple[figure, Choices]:
 def _name(data: xr.Dataset, sample: pd.Series) -> str:
     """Return how a cut is chosen: by what varies where that is little, and by its numbers."""
     keys = [str(key) for key in data["input_key"].values]
-    told = ", ".join(f"{key.split('.')[-1]} {sample[key]}" for key in keys) if len(keys) <= MOST_NAMED else ""
+    told = ", ".join(f"{key.split('.')[-1]} {cell(sample[key])}" for key in keys) if len(keys) <= MOST_NAMED else ""
     return f"machine {sample['machine']}, cut {sample['cut']}{': ' if told else ''}{told}"
 
 
@@ -104,7 +105,7 @@ def _against_inputs(data: xr.Dataset, samples: pd.DataFrame) -> tuple[figure, Ch
     points = made.scatter("value", "lowest", source=source, size=5, color=COLOURS[0], alpha=0.5)
     rows_told = [
         ("machine, cut", "@machine, @cut"),
-        ("value", "@value{0.000}"),
+        ("value", "@value{%.5g}"),
         ("lowest limit depth", "@lowest{0.000} mm"),
         ("largest removal rate", "@rate{0.0} cm\N{SUPERSCRIPT THREE}/min"),
     ]
@@ -124,7 +125,7 @@ def _tornado(told: pd.DataFrame, text: str) -> figure:
         for end, colour in (("low", COLOURS[0]), ("high", COLOURS[1])):
             change = numbers(shown[f"change_at_{end}_percent"])
             bars = made.hbar(y=keys, right=change, height=0.7, color=colour, name=end)
-            bars.data_source.data["at"] = [str(value) for value in shown[end]]
+            bars.data_source.data["at"] = [cell(value) for value in shown[end]]
             made.add_tools(hover([bars], [("key", "@y"), ("at", "@at"), ("change", "@right{+0.0} %")]))
             entries[f"at the {end} end"] = [bars]
         add_key(made, entries)

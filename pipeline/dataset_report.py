@@ -12,7 +12,7 @@ from chatter_core.variables import WITH_RESULT
 from pipeline import dataset_card, dataset_figures, page, store, survey
 from pipeline.dataset_plots import dataset_plots
 from pipeline.dataset_tables import LOWEST, RATE, samples_table
-from pipeline.page import PageTable, provenance
+from pipeline.page import PageTable, provenance, table_of
 from pipeline.places import Place
 from pipeline.plots import embed
 from pipeline.sensitivity import KEY, sensitivity
@@ -113,18 +113,8 @@ def _best_table(samples: pd.DataFrame) -> PageTable:
     best = samples.dropna(subset=[RATE]).nlargest(PAGE_ROWS, RATE)
     names = ["machine", "cut", "part", LOWEST, "at_spindle_speed_rpm", RATE]
     names += ["with_spindle_speed_rpm", "with_axial_depth_mm"]
-    return _table("The cuts that remove most, with margins in depth and speed", best[names])
+    return table_of("The cuts that remove most, with margins in depth and speed", best[names])
 
 
 def _dependence_table(told: pd.DataFrame, text: str) -> PageTable:
-    return _table(text, told.rename(columns={KEY: "input"}))
-
-
-def _table(title: str, frame: pd.DataFrame) -> PageTable:
-    columns = [name.replace("_", " ") for name in frame.columns]
-    rows = [[_cell(value) for value in row] for row in frame.itertuples(index=False)]
-    return PageTable(title=title, columns=columns, rows=rows)
-
-
-def _cell(value: object) -> str:
-    return f"{value:.5g}" if isinstance(value, float) else str(value)
+    return table_of(text, told.rename(columns={KEY: "input"}))

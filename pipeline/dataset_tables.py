@@ -8,24 +8,28 @@ import xarray as xr
 
 from chatter_core.variables import STATUS
 from pipeline.best_cuts import DEPTH_MARGIN, least_near, removal_rate
-from pipeline.design import PARTS
+from pipeline.design import PARTS, Design
+from pipeline.design.distributions import Distribution
 from pipeline.kinds import KINDS
 from pipeline.kinds.dataset import descriptions
 from pipeline.places import DATASET
+from pipeline.progress import watched
 
 #: Columns of the table behind those of what varies.
 LOWEST, RATE = "lowest_limit_depth_mm", "removal_rate_cm3_min"
 
 
 def inputs_table(data: xr.Dataset) -> pd.DataFrame:
-    """Return what varies, a column for each key and a row for each cut, words as words."""
+    """Return what varies, a column for each key and a row for each cut, as a description says it."""
     numbers = data["input"].values.reshape(-1, data.sizes["input_key"])
-    keys = [str(key) for key in data["input_key"].values]
-    columns = {}
-    for place, key in enumerate(keys):
-        words = data.attrs["input_words"].get(key)
-        columns[key] = numbers[:, place] if words is None else [words[int(number)] for number in numbers[:, place]]
-    return pd.DataFrame(columns)
+    varied = Design.model_validate(data.attrs["settings"]["design"]).varied
+    return pd.DataFrame({key: _as_said(one, numbers[:, place]) for place, (key, one) in enumerate(varied.items())})
+
+
+def _as_said(varied: Distribution, numbers: np.ndarray) -> np.ndarray:
+    """Return what a description says for drawn numbers, each asked for once."""
+    drawn, place = np.unique(numbers, return_inverse=True)
+    return np.array([varied.value(float(number)) for number in drawn])[place]
 
 
 def numbered(words: Sequence[str]) -> str:
@@ -86,7 +90,8 @@ def _best(data: xr.Dataset, limit: np.ndarray, speed: np.ndarray) -> tuple[np.nd
     said = KINDS[DATASET].described(data.attrs, lambda name: data[name].values)
     depth = (1.0 - DEPTH_MARGIN) * least_near(limit, speed)
     found = np.full((3, len(limit)), np.nan)
-    cuts = (cut for machine in said.numbers for cut in descriptions(said.base, said.design, machine))
+    machines = watched(said.numbers, len(said.numbers), "machines reported")
+    cuts = (cut for machine in machines for cut in descriptions(said.base, said.design, machine))
     for row, description in enumerate(cuts):
         rate = removal_rate(description, speed, depth[row])
         if not np.isnan(rate).all():

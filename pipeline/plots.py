@@ -4,6 +4,7 @@ A plot shows what belongs to one combination of choices. Its data for all combin
 a script there exchanges them.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -128,7 +129,8 @@ def plot(title: str, x: str, y: str, height: int = HEIGHT, **options: Any) -> fi
 
 def hover(renderers: Sequence[Any], rows: Sequence[tuple[str, str]]) -> HoverTool:
     """Return what is told beside the pointer: rows of a title and a column."""
-    return HoverTool(renderers=list(renderers), tooltips=list(rows))
+    printed = {column: "printf" for _, told in rows for column in re.findall(r"(@\w+)\{%", told)}
+    return HoverTool(renderers=list(renderers), tooltips=list(rows), formatters=printed)
 
 
 def add_key(made: figure, entries: Mapping[str, Sequence[Any]]) -> None:
