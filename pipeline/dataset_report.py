@@ -16,6 +16,7 @@ from pipeline.page import PageTable, provenance, table_of
 from pipeline.places import Place
 from pipeline.plots import embed
 from pipeline.sensitivity import KEY, sensitivity
+from pipeline.settings import Margins, margins_of
 
 #: What a report is made of.
 READ = ("input", "split", "limit_depth", "limit_chatter_frequency", "limit_dominant_mode", "status")
@@ -27,16 +28,17 @@ CAPTIONS = {
 }
 
 
-def write(place: Place) -> list[Path]:
+def write(place: Place, **margins: float) -> list[Path]:
     """Write card, tables, figures and report.html of a data set; return the paths.
 
+    margins: of the best cuts by their keys, in the place of those that the store's last run named.
     Raises InvalidInput where it cannot be read.
     """
     store.check(place)
     counts = survey.counts(place)
     with store.readable(place) as opened:
         data = opened[list(READ)].load()
-        data.attrs = opened.attrs
+        data.attrs = {**opened.attrs, "margins": {**margins_of(opened.attrs).said, **margins}}
     output = place.make_output()
     samples = samples_table(data)
     told, text = sensitivity(data)
@@ -79,7 +81,7 @@ def _page(
             if name not in ("ok", "interpolated")
         ],
         findings=_findings(data, samples, text if told.empty else ""),
-        tables=[_best_table(samples), *([] if told.empty else [_dependence_table(told, text)])],
+        tables=[_best_table(samples, margins_of(data.attrs)), *([] if told.empty else [_dependence_table(told, text)])],
         plots=embed(made),
         captions=CAPTIONS,
         **page.offered(written),
@@ -109,11 +111,11 @@ def _findings(data: xr.Dataset, samples: pd.DataFrame, untold: str) -> list[str]
     return [*found, *([untold] if untold else [])]
 
 
-def _best_table(samples: pd.DataFrame) -> PageTable:
+def _best_table(samples: pd.DataFrame, margins: Margins) -> PageTable:
     best = samples.dropna(subset=[RATE]).nlargest(PAGE_ROWS, RATE)
     names = ["machine", "cut", "part", LOWEST, "at_spindle_speed_rpm", RATE]
     names += ["with_spindle_speed_rpm", "with_axial_depth_mm"]
-    return table_of("The cuts that remove most, with margins in depth and speed", best[names])
+    return table_of(f"The cuts that remove most, {margins}", best[names])
 
 
 def _dependence_table(told: pd.DataFrame, text: str) -> PageTable:

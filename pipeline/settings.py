@@ -3,7 +3,7 @@
 import hashlib
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
@@ -223,6 +223,25 @@ class Cluster(Part):
         return self
 
 
+class Margins(Part):
+    """How far a cut that is recommended keeps from its boundary; nothing that is computed depends on it."""
+
+    depth: float = Field(
+        default=10.0, ge=0.0, lt=100.0, alias="depth_percent", description="share of the limit depth that is kept free"
+    )
+    speed: float = Field(
+        default=2.0, ge=0.0, le=50.0, alias="speed_percent", description="by how much a spindle may miss its speed"
+    )
+
+    def __str__(self) -> str:
+        return f"{self.depth:g} % below the boundary at all speeds within {self.speed:g} %"
+
+    @property
+    def said(self) -> dict[str, float]:
+        """The margins as plain data, as a store keeps them."""
+        return _plain(self)
+
+
 class Study(Part):
     """What a run of any kind needs to know."""
 
@@ -235,6 +254,7 @@ class Study(Part):
     )
 
     effects_path: Path | None = Field(default=None, description="folder with effects of the user's own")
+    margins: Margins = Field(default=Margins(), description="how far recommended cuts keep from their boundary")
 
     #: What of the settings numbers depend on, beside machine, method and effects.
     own_science: ClassVar[tuple[str, ...]] = ()
@@ -327,6 +347,11 @@ def recorded(kind: type[Kept], attributes: dict[str, Any], own: Path | None, clu
             ]
         )
     return found
+
+
+def margins_of(attributes: Mapping[str, Any]) -> Margins:
+    """Return the margins that the attributes of a store hold; stores of earlier versions hold none."""
+    return Margins.model_validate(attributes.get("margins", {}))
 
 
 def own_digests(effects: Iterable[str], own: Path | None) -> dict[str, str]:

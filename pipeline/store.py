@@ -77,6 +77,7 @@ def create(place: Place, settings: Study, argv: list[str]) -> None:
             "entries_per_chunk": block,
             "history": [],
             "complete": False,
+            "margins": settings.margins.said,
             **more,
             **provenance(argv),
         },

@@ -2,10 +2,26 @@
 
 from collections.abc import Mapping
 
+from pydantic import ValidationError
+
 from chatter_core.errors import InvalidInput
+from chatter_core.reading import sentences
 from pipeline.configuration import sort_words
 from pipeline.places import OPTIONS, STORES, Place, place_of
 from pipeline.places.folder import UNPACKED
+from pipeline.settings import Margins
+
+#: Options that say how far recommended cuts keep from their boundary, as settings of a study do.
+MARGINS = {f"margins.{field.alias}": tuple[str, ...]() for field in Margins.model_fields.values()}
+
+
+def margins_in(options: Mapping[str, str]) -> dict[str, float]:
+    """Return the margins that options say, by their keys; raise InvalidInput for what are none."""
+    said = {option.partition(".")[2]: options[option] for option in MARGINS if options[option]}
+    try:
+        return {key: Margins.model_validate(said).said[key] for key in said}
+    except ValidationError as error:
+        raise InvalidInput([f"margins.{one}" for one in sentences(error, Margins)]) from None
 
 
 def study_place(

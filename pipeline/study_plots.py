@@ -12,10 +12,12 @@ from bokeh.plotting import figure
 from matplotlib.colors import to_hex
 
 from chatter_core.variables import BIFURCATION
-from pipeline.best_cuts import best_cuts, removal_rate
+from pipeline.best_cut_plots import KNOWN, RATE, SPEED, add_best_cut
+from pipeline.best_cuts import known_limit, removal_rate
 from pipeline.figures import COLOURS, RADIUS_LEVELS, STYLE, modes_label
 from pipeline.lobes import stability_limit
 from pipeline.plots import Choices, Key, add_key, hover, numbers, plot
+from pipeline.settings import margins_of
 
 #: Most points of a map along speed and depth: finer ones are thinned out, the store holds all.
 MAP_SIZE = (400, 160)
@@ -37,8 +39,9 @@ HOW_LOST = {
 def study_plots(lobes: xr.Dataset, preload: float) -> dict[str, Model]:
     """Return choices and plots by name, in the order of the page; preload [N]: the one that is shown first."""
     choices = _choices(lobes, preload)
-    made = choices.named(CHOICE)
-    made["lobes"] = _lobes(lobes, choices)
+    plotted, sliders = _lobes(lobes, choices)
+    made = choices.named(CHOICE) | {f"{CHOICE}_{name}": slider for name, slider in sliders.items()}
+    made["lobes"] = plotted
     if _holds_maps(lobes):
         made["dominant_mode"] = _map_of_dominant_mode(lobes, choices)
         made["spectral_radius"] = _map_of_spectral_radius(lobes, choices)
@@ -71,12 +74,12 @@ def _lines(lobes: xr.Dataset) -> Iterator[tuple[Key, xr.Dataset]]:
             yield (_name(preload), str(int(count))), lobes.sel(preload=preload, mode_count=count)
 
 
-def _lobes(lobes: xr.Dataset, choices: Choices) -> figure:
-    """Return the boundary of each kind of parameters, and the best cut."""
+def _lobes(lobes: xr.Dataset, choices: Choices) -> tuple[figure, dict[str, Model]]:
+    """Return the boundary of each kind of parameters, the best cut of the first, and the sliders of its margins."""
     made = plot("Stability lobes: stable below the line", SPEED_LABEL, DEPTH_LABEL, height=440)
     _span(made, lobes)
-    speed, settings = numbers(lobes["spindle_speed"]), lobes.attrs["settings"]
-    renderers, entries = list[Any](), dict[str, list[Any]]()
+    speed, machine = lobes["spindle_speed"].values, lobes.attrs["settings"]["machine"]
+    renderers, entries, sources = list[Any](), dict[str, list[Any]](), list[ColumnDataSource]()
     for colour, name in zip(COLOURS, lobes["modal_parameters"].values, strict=False):
         data = {}
         for key, part in _lines(lobes.sel(modal_parameters=name)):
@@ -87,9 +90,12 @@ def _lobes(lobes: xr.Dataset, choices: Choices) -> figure:
                 "frequency": numbers(first["limit_chatter_frequency"]),
                 "mode": first["limit_dominant_mode"].values.astype(np.int8),
                 "how": [HOW_LOST[int(code)] for code in first["limit_bifurcation"].values],
-                "rate": numbers(removal_rate(settings["machine"], part["spindle_speed"].values, limit.values)),
+                "rate": numbers(removal_rate(machine, speed, limit.values)),
+                KNOWN: known_limit(part).values,
+                RATE: removal_rate(machine, speed, 1.0),
             }
-        source = choices.source(data, {"speed": speed})
+        source = choices.source(data, {SPEED: speed})
+        sources.append(source)
         line = made.line("speed", "limit", source=source, line_width=2, color=colour, line_dash=DASHES[STYLE[name]])
         renderers.append(made.scatter("speed", "limit", source=source, size=3, color=colour))
         entries[str(name)] = [line, renderers[-1]]
@@ -105,35 +111,9 @@ def _lobes(lobes: xr.Dataset, choices: Choices) -> figure:
             ],
         )
     )
-    add_key(made, {**entries, "best cut": [_best(made, lobes, choices)]})
-    return made
-
-
-def _best(made: figure, lobes: xr.Dataset, choices: Choices) -> Any:
-    """Add the cut that removes most, of the kind of parameters that comes first; return its mark."""
-    cuts = best_cuts(lobes.isel(modal_parameters=[0]))
-    data: dict[Key, dict[str, Any]] = {
-        key: {"speed": [np.nan], "depth": [np.nan], "rate": [np.nan]} for key, _ in _lines(lobes)
-    }
-    for cut in cuts.itertuples():
-        data[_name(cut.preload), str(int(cut.mode_count))] = {
-            "speed": [cut.spindle_speed],
-            "depth": [cut.axial_depth],
-            "rate": [cut.removal_rate_cm3_min],
-        }
-    source = choices.source(data, {})
-    marker = made.scatter("speed", "depth", source=source, marker="star", size=18, color="#E69F00")
-    made.add_tools(
-        hover(
-            [marker],
-            [
-                ("largest removal rate", "@rate{0.0} cm\N{SUPERSCRIPT THREE}/min"),
-                ("spindle speed", "@speed{0} rpm"),
-                ("axial depth", "@depth{0.000} mm"),
-            ],
-        )
-    )
-    return marker
+    mark, sliders = add_best_cut(made, sources[0], margins_of(lobes.attrs))
+    add_key(made, {**entries, "best cut": [mark]})
+    return made, sliders
 
 
 def _holds_maps(lobes: xr.Dataset) -> bool:

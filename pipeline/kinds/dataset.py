@@ -137,12 +137,12 @@ class Dataset(Kind):
         """Return in words which chunk one is."""
         return f"machines {first} to {last - 1}"
 
-    def report(self, place: Place) -> list[Path]:
+    def report(self, place: Place, **margins: float) -> list[Path]:
         """Write card, tables, figures and page of a data set."""
         # The page imports what draws it, which a worker has no use for.
         from pipeline import dataset_report
 
-        return dataset_report.write(place)
+        return dataset_report.write(place, **margins)
 
 
 def descriptions(base: Description, design: Design, numbers: np.ndarray) -> list[Description]:
