@@ -28,6 +28,7 @@ VERBS = {
     "identify": "tip modes from measured receptances, as a machine file with uncertainties",
     "paper": "the paper's findings on the reference machine: figures P1 to P9 and a table of what holds",
     "template": "write an empty measurement campaign to fill in, every file, key and column explained",
+    "contrast": "two studies held against each other: what was asked otherwise, and how the boundary moved",
     "report": "write tables, figures and report of a computed study again",
     "verify": "read every byte of a computed study back, name what is damaged, and make it anew with repair=true",
     "pack": "put a finished study's chunks into few files, each still with its own checksum",
@@ -63,6 +64,7 @@ examples
   python -m pipeline improve campaign=my_campaign output=results/improved
   python -m pipeline predict campaign=my_campaign model=model.yaml trials=plan.csv predictions=out.csv
   python -m pipeline sweep study=overnight store=s3://bucket/machines/first
+  python -m pipeline contrast first=results/smoke-1234abcd second=results/smoke-5678abcd
   python -m pipeline report output=results/smoke-1234abcd
   python -m pipeline status output=results/smoke-1234abcd
   python -m pipeline verify output=results/smoke-1234abcd repair=true
@@ -90,7 +92,8 @@ options of verbs
             output=FILE.yaml
   paper     output=DIR
   template  output=DIR
-  report    output=DIR or store=s3://BUCKET/PREFIX
+  contrast  first=DIR, second=DIR (or ADDRESS), output=DIR, margins.depth_percent=10, margins.speed_percent=2
+  report    output=DIR or store=s3://BUCKET/PREFIX, margins.depth_percent=10, margins.speed_percent=2
   journal   output=DIR or store=ADDRESS
   status    output=DIR or store=s3://BUCKET/PREFIX, format=text|json
   verify    output=DIR or store=s3://BUCKET/PREFIX, repair=true, effects_path=DIR

@@ -61,7 +61,7 @@ def write(place: Place, **margins: float) -> list[Path]:
     margins: of the best cuts by their keys, in the place of those that the store's last run named.
     """
     group, counts = store.check(place), survey.counts(place)
-    step = _step(store.chunks(group))
+    step = shown_step(store.chunks(group))
     with store.readable(place) as opened:
         lobes = opened.isel(spindle_speed=slice(None, None, step)).load()
     lobes.attrs["margins"] = {**margins_of(lobes.attrs).said, **margins}
@@ -79,7 +79,7 @@ def write(place: Place, **margins: float) -> list[Path]:
     return [*written, html]
 
 
-def _step(every: Chunks) -> int:
+def shown_step(every: Chunks) -> int:
     """Return that every so manieth speed is shown, 1 for all: what a report holds is limited, however large a study."""
     lines, cells = every.all_cells // every.each, every.all_cells
     return max(1, -(-lines // MOST_LINES), -(-cells // MOST_CELLS))

@@ -386,8 +386,14 @@ def _listed(points: np.ndarray) -> str:
 
 def differing_keys(one: dict[str, Any], other: dict[str, Any]) -> list[str]:
     """Return the dotted keys whose values differ between two sets of plain data."""
+    return list(differences(one, other))
+
+
+def differences(one: dict[str, Any], other: dict[str, Any]) -> dict[str, tuple[Any, Any]]:
+    """Return what two sets of plain data say under dotted keys where they differ; None where one has no such key."""
     flat = [dict(_flatten(data, "")) for data in (one, other)]
-    return sorted(key for key in flat[0].keys() | flat[1].keys() if flat[0].get(key) != flat[1].get(key))
+    both = {key: (flat[0].get(key), flat[1].get(key)) for key in sorted(flat[0].keys() | flat[1].keys())}
+    return {key: (first, second) for key, (first, second) in both.items() if first != second}
 
 
 def _flatten(data: Any, prefix: str) -> list[tuple[str, Any]]:

@@ -46,10 +46,18 @@ def study_place(
             problems.append(f"{option}: found {said[option]!r}, allowed: {', '.join(values)}")
     if problems:
         raise InvalidInput(problems)
-    place = place_of(found.options)
+    return study_in(found.options, "store" if "store" in found.options else "output"), said
+
+
+def study_in(options: Mapping[str, str], named: str) -> Place:
+    """Return the place that ``output`` or ``store`` of some options names; named: by which word people named it.
+
+    Raises InvalidInput where the place holds no study.
+    """
+    place = place_of(options)
     if not {place.root, f"{UNPACKED}{place.root}"} & place.names():
-        name, _, value = place.option.partition("=")
+        value = place.option.partition("=")[2]
         raise InvalidInput(
-            [f"{name}: {value} holds no {' or '.join(STORES)}; compute it with: python -m pipeline sweep (or dataset)"]
+            [f"{named}: {value} holds no {' or '.join(STORES)}; compute it with: python -m pipeline sweep (or dataset)"]
         )
-    return place, said
+    return place

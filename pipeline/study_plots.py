@@ -158,27 +158,27 @@ def _map(
     _span(made, lobes)
     speed, depth = (lobes[name].values for name in ("spindle_speed", "axial_depth"))
     # Pictures have equal steps: at each the nearest point of the grid is shown.
-    across, up = (_nearest(axis, most) for axis, most in zip((speed, depth), MAP_SIZE, strict=True))
+    across, up = (nearest(axis, most) for axis, most in zip((speed, depth), MAP_SIZE, strict=True))
     first = lobes.isel(modal_parameters=0)
     data, boundary = {}, {}
     for key, part in _lines(first):
         cells = part.transpose("axial_depth", "spindle_speed", ...)
         data[key] = {"image": [values(cells)[np.ix_(up, across)].astype(np.uint8)]}
         boundary[key] = {"limit": numbers(stability_limit(part))}
-    place = {"x": [_edge(speed)[0]], "y": [_edge(depth)[0]], "dw": [np.ptp(_edge(speed))], "dh": [np.ptp(_edge(depth))]}
+    place = {"x": [edges(speed)[0]], "y": [edges(depth)[0]], "dw": [np.ptp(edges(speed))], "dh": [np.ptp(edges(depth))]}
     made.image("image", "x", "y", "dw", "dh", source=choices.source(data, place), color_mapper=mapper, alpha=0.85)
     line = choices.source(boundary, {"speed": numbers(speed)})
     made.line("speed", "limit", source=line, color="black", line_width=2)
     return made
 
 
-def _nearest(axis: np.ndarray, most: int) -> np.ndarray:
+def nearest(axis: np.ndarray, most: int) -> np.ndarray:
     """Return which points of an axis are nearest to equal steps along it, at most so many."""
     steps = np.linspace(axis[0], axis[-1], min(len(axis), most))
     return np.asarray(np.abs(axis[None, :] - steps[:, None]).argmin(axis=1))
 
 
-def _edge(axis: np.ndarray) -> np.ndarray:
+def edges(axis: np.ndarray) -> np.ndarray:
     """Return the ends of a picture whose first and last points lie at the ends of an axis."""
     half = 0.5 * (axis[-1] - axis[0]) / max(len(axis) - 1, 1)
     return np.array([axis[0] - half, axis[-1] + half])

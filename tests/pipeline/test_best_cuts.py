@@ -84,7 +84,9 @@ def test_a_line_without_any_result_has_no_best_cut():
     assert best_cuts(study(np.ones(len(SPEED)), hollow=range(len(SPEED)))).empty
 
 
-def test_margins_are_kept_with_a_study_changed_without_computing_and_told_on_its_page(tmp_path):
+def test_margins_are_kept_with_a_study_changed_without_computing_and_told_on_its_page(tmp_path, monkeypatch):
+    # Pictures take longer than everything else.
+    monkeypatch.setattr("pipeline.figures.write", lambda *_: [])
     assert sweep(tmp_path / "study", kernel="lobes_of_a_ramp") == 0
     place = Folder(tmp_path / "study")
     computed = list(place.written("lobes.zarr/status"))
@@ -96,7 +98,8 @@ def test_margins_are_kept_with_a_study_changed_without_computing_and_told_on_its
     assert "25 % below the boundary at all speeds within 0 %" in page.read_text()
 
 
-def test_margins_that_are_none_are_told(tmp_path):
+def test_margins_that_are_none_are_told(tmp_path, monkeypatch):
+    monkeypatch.setattr("pipeline.report.write", lambda *_, **__: [])
     assert sweep(tmp_path / "study") == 0
     with pytest.raises(InvalidInput, match=r"margins\.depth_percent: found '100', allowed: less than 100"):
         report.run([f"output={tmp_path / 'study'}", "margins.depth_percent=100"])
