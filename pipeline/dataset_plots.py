@@ -9,29 +9,31 @@ from bokeh.models import Model
 from bokeh.plotting import figure
 
 from pipeline.best_cut_plots import KNOWN, RATE, SPEED, add_best_cut
+from pipeline.by_value import by_value
 from pipeline.dataset_figures import BANDS, MOST_INPUTS, SHOWN
 from pipeline.dataset_tables import LOWEST, limit_or_deepest, numbered, quantiles, removal_factors
 from pipeline.dataset_tables import RATE as BEST_RATE
 from pipeline.figures import COLOURS
 from pipeline.page import cell
-from pipeline.plots import Choices, add_key, hover, numbers, plot
+from pipeline.plots import WIDE, Choices, add_key, hover, numbers, plot
 from pipeline.sensitivity import KEY
 from pipeline.settings import margins_of
+from pipeline.value_plots import lines_by_value
 
 #: Cuts that can be chosen, and points of a cloud: a page has to stay below some megabytes, the store holds all.
 MOST_CHOSEN, MOST_POINTS = 200, 4000
 #: Inputs that the name of a cut says.
 MOST_NAMED = 3
-#: Width of a choice that reads as a sentence.
-WIDE = 460
 SPEED_LABEL = "spindle speed [rpm]"
 
 
 def dataset_plots(data: xr.Dataset, samples: pd.DataFrame, told: pd.DataFrame, text: str) -> dict[str, Model]:
     """Return choices and plots by name."""
     made = dict[str, Model]()
+    values = by_value(data)
     for of, (plotted, choices, sliders) in {
         "limits": _limits(data, samples),
+        **({"values": lines_by_value(data["spindle_speed"].values, values)} if values else {}),
         "inputs": _against_inputs(data, samples),
     }.items():
         choices.bind()

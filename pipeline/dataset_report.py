@@ -10,7 +10,7 @@ import xarray as xr
 
 from chatter_core.variables import WITH_RESULT
 from pipeline import dataset_card, dataset_figures, page, store, survey
-from pipeline.dataset_plots import dataset_plots
+from pipeline.dataset_plots import MOST_NAMED, dataset_plots
 from pipeline.dataset_tables import LOWEST, RATE, samples_table
 from pipeline.page import PageTable, provenance, table_of
 from pipeline.places import Place
@@ -24,6 +24,8 @@ READ = ("input", "split", "limit_depth", "limit_chatter_frequency", "limit_domin
 PAGE_ROWS = 24
 CAPTIONS = {
     "limits": "The depth at which the chosen cut begins to chatter; the bands hold the middle part of all cuts.",
+    "values": "A line for each value of the chosen input: the median of all cuts that have it; bands from the least of "
+    "them to the largest.",
     "inputs": "A cut each, by the shallowest of its limit depths over all speeds.",
 }
 
@@ -113,7 +115,15 @@ def _findings(data: xr.Dataset, samples: pd.DataFrame, untold: str) -> list[str]
 
 def _best_table(samples: pd.DataFrame, margins: Margins) -> PageTable:
     best = samples.dropna(subset=[RATE]).nlargest(PAGE_ROWS, RATE)
-    names = ["machine", "cut", "part", LOWEST, "at_spindle_speed_rpm", RATE]
+    varied = list(samples.columns)[3 : samples.columns.get_loc(LOWEST)]
+    names = [
+        "machine",
+        "cut",
+        *(varied if len(varied) <= MOST_NAMED else ["part"]),
+        LOWEST,
+        "at_spindle_speed_rpm",
+        RATE,
+    ]
     names += ["with_spindle_speed_rpm", "with_axial_depth_mm"]
     return table_of(f"The cuts that remove most, {margins}", best[names])
 

@@ -20,8 +20,8 @@ BETWEEN = "|"
 #: Parts of the plot library that pages need.
 PARTS = ["bokeh", "bokeh-widgets"]
 HEIGHT = 380
-#: Width of a choice.
-SELECT_WIDTH = 220
+#: Width of a choice, and of one that reads as a sentence.
+SELECT_WIDTH, WIDE = 220, 460
 #: No wider than a phone's page.
 ON_PHONES = {"max-width": "calc(100vw - 3rem)"}
 #: Names of lines side by side in a key, and characters of them with their marks, as many as fit on a phone.

@@ -8,9 +8,9 @@ from bokeh.plotting import figure
 
 from pipeline.contrast.contrasted import CHANGES, TOLD, Contrast, changes
 from pipeline.contrast.lines import BEST
-from pipeline.dataset_plots import MOST_CHOSEN, WIDE
+from pipeline.dataset_plots import MOST_CHOSEN
 from pipeline.figures import COLOURS
-from pipeline.plots import Choices, Key, add_key, hover, numbers, plot
+from pipeline.plots import WIDE, Choices, Key, add_key, hover, numbers, plot
 from pipeline.study_plots import DEPTH_LABEL, MAP_SIZE, MOST_MAP_POINTS, SPEED_LABEL, edges, nearest
 
 NAMES = ("first", "second")

@@ -50,7 +50,7 @@ def doubled(tmp_path_factory):
     folder = tmp_path_factory.mktemp("doubled")
     words = ["study=smoke", "tool.helix_angle_deg=0", "cluster=serial", "grid.modal_parameters=[dynamic]"]
     words += ["grid.spindle_speed_rpm=[9000, 10000, 11000, 12000]", "grid.mode_count=[2]"]
-    words += ["grid.axial_depth_mm=[0.3, 0.6, 1.2, 2.4, 4.8]"]
+    words += ["grid.axial_depth_mm=[0.3, 0.6, 1.2, 2.4, 4.8, 20]"]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pipeline.report.write", lambda *_, **__: [])
         for name, energy in (("first", 900), ("second", 1800)):
@@ -99,13 +99,13 @@ def test_between_speeds_of_one_lobe_limits_are_interpolated():
         {"loss": np.array([[1, 2, 2]])},
         # From 1000 Hz to 1200 Hz at 10000 rpm: 1.2 waves more in a revolution.
         {"frequency": np.array([[1000.0, 1200.0, 1200.0]])},
-        {"limit": np.array([[1.0, 1.3, 1.3]])},
-        {"limit": np.array([[1.0, np.nan, 1.2]])},
+        {"limit": [1.0, 1.3, 1.3]},
+        {"limit": [1.0, np.nan, 1.2]},
     ],
 )
 def test_between_lobes_nothing_is_told(other):
     own, shifted = [10000.0, 10200.0, 10400.0], [9900.0, 10100.0, 10300.0]
-    both = contrast(ramp([1.0, 1.1, 1.2], own), ramp([1.0, 1.1, 1.2], shifted, **other))
+    both = contrast(ramp([1.0, 1.1, 1.2], own), ramp(**{"limit": [1.0, 1.1, 1.2], "speed": shifted, **other}))
     assert both.pairs.speed.tolist() == [10000.0, 10200.0]
     assert both.told[0, 0] == TOLD.index("between lobes")
     assert np.isnan(both.ratio[0, 0])
