@@ -11,7 +11,7 @@ from bokeh.plotting import figure
 from pipeline.best_cut_plots import KNOWN, RATE, SPEED, add_best_cut
 from pipeline.by_value import by_value
 from pipeline.dataset_figures import BANDS, MOST_INPUTS, SHOWN
-from pipeline.dataset_tables import LOWEST, limit_or_deepest, numbered, quantiles, removal_factors
+from pipeline.dataset_tables import LOWEST, MOST_NAMED, limit_or_deepest, numbered, quantiles, removal_factors
 from pipeline.dataset_tables import RATE as BEST_RATE
 from pipeline.figures import COLOURS
 from pipeline.page import cell
@@ -22,8 +22,6 @@ from pipeline.value_plots import lines_by_value
 
 #: Cuts that can be chosen, and points of a cloud: a page has to stay below some megabytes, the store holds all.
 MOST_CHOSEN, MOST_POINTS = 200, 4000
-#: Inputs that the name of a cut says.
-MOST_NAMED = 3
 SPEED_LABEL = "spindle speed [rpm]"
 
 

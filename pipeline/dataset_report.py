@@ -10,8 +10,8 @@ import xarray as xr
 
 from chatter_core.variables import WITH_RESULT
 from pipeline import dataset_card, dataset_figures, page, store, survey
-from pipeline.dataset_plots import MOST_NAMED, dataset_plots
-from pipeline.dataset_tables import LOWEST, RATE, samples_table
+from pipeline.dataset_plots import dataset_plots
+from pipeline.dataset_tables import LOWEST, MOST_NAMED, RATE, samples_table
 from pipeline.page import PageTable, provenance, table_of
 from pipeline.places import Place
 from pipeline.plots import embed

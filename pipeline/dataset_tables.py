@@ -17,6 +17,8 @@ from pipeline.places import DATASET
 from pipeline.progress import watched
 from pipeline.settings import margins_of
 
+#: Inputs that the name of a cut says.
+MOST_NAMED = 3
 #: Columns of the table behind those of what varies.
 LOWEST, RATE = "lowest_limit_depth_mm", "removal_rate_cm3_min"
 

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.contrast.lines import Lines
-from pipeline.contrast.pairs import SAME, Pairs, at_pairs, pair
-from pipeline.dataset_plots import MOST_NAMED
+from pipeline.contrast.pairs import SAME, Pairs, at_pairs, pair, value_in_words
+from pipeline.dataset_tables import MOST_NAMED
 from pipeline.page import cell
 
 #: What is told of a speed of a line: both limit depths, one of them or none above the depths that were looked at, or
@@ -121,7 +121,8 @@ def changed_shares(found: Contrast) -> pd.DataFrame:
 def _name(label: Mapping[str, Any], inputs: pd.Series | None) -> str:
     """Return how people tell one line from the others."""
     if inputs is None:
-        preload = label["preload"] if isinstance(label["preload"], str) else f"{label['preload']:g}"
-        return f"{label['modal_parameters']}, {preload} N, modes: {label['mode_count']}"
+        # Machines of measured tip modes know no preload.
+        preload = label["preload"] and f"{value_in_words(label['preload'])} N, "
+        return f"{label['modal_parameters']}, {preload or ''}modes: {label['mode_count']}"
     told = [f"{key.split('.')[-1]} {cell(value)}" for key, value in inputs.items()] if len(inputs) <= MOST_NAMED else []
     return f"machine {label['machine']}, cut {label['cut']}{': ' if told else ''}{', '.join(told)}"

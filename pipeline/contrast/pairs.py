@@ -60,12 +60,12 @@ def _lines_of_sweeps(first: Lines, second: Lines) -> tuple[pd.DataFrame, np.ndar
         own = [one.labels[axis].unique() for one in (first, second)]
         if len(own[0]) == len(own[1]) == 1 and not _same(own[0][0], own[1][0]):
             # Each has one value alone: that is what they differ in.
-            said[axis] = f"{_told(own[0][0])} and {_told(own[1][0])}"
+            said[axis] = f"{value_in_words(own[0][0])} and {value_in_words(own[1][0])}"
             keys[0][axis] = keys[1][axis] = 0
             continue
         keys[1][axis] = keys[1][axis].map(lambda value, of=own[0]: next((o for o in of if _same(o, value)), value))
         if not set(keys[0][axis]) & set(keys[1][axis]):
-            told = [", ".join(map(_told, values[:8])) for values in own]
+            told = [", ".join(map(value_in_words, values[:8])) for values in own]
             problems.append(f"{axis}: found {told[0]} in first, {told[1]} in second; none is in both")
     if problems:
         raise InvalidInput(problems)
@@ -81,7 +81,8 @@ def _same(one: object, other: object) -> bool:
     return bool(np.isclose(float(one), float(other), rtol=SAME, atol=0.0))  # type: ignore[arg-type]
 
 
-def _told(value: object) -> str:
+def value_in_words(value: object) -> str:
+    """Return a value on an axis as people read it."""
     return value if isinstance(value, str) else f"{value:g}"
 
 

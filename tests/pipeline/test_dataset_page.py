@@ -51,3 +51,14 @@ def test_the_best_cut_of_the_chosen_cut_is_that_of_the_table(output):
     assert found == pytest.approx(
         samples[(samples["machine"] == 1) & (samples["cut"] == 1)][columns].values[0], rel=1e-7
     )
+
+
+def test_lines_and_their_key_follow_the_input_that_is_chosen(output):
+    with opened(output / "report.html", width=390) as page:
+        page.get_by_label("by").select_option("tool.helix_angle_deg")
+        names = """() => Bokeh.documents.flatMap((own) => [...own._all_models.values()]).find(
+            (one) => one.type === "LegendItem" && one.label?.field === "name").get_labels_list_from_label_prop()"""
+        with xr.open_zarr(output / STORE) as data:
+            helix = sorted(set(data["input"].sel(input_key="tool.helix_angle_deg").values.ravel()))
+        assert page.evaluate(names) == [f"{one:g}" for one in helix]
+        page.wait_for_function("document.documentElement.scrollWidth <= innerWidth")

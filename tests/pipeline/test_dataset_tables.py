@@ -8,6 +8,7 @@ from SALib.analyze import pawn
 
 from chatter_core.errors import InvalidInput
 from pipeline import dataset, report, sensitivity
+from pipeline.by_value import by_value
 from pipeline.dataset_card import prose
 from pipeline.dataset_tables import inputs_table
 from pipeline.kinds import Dataset
@@ -86,3 +87,38 @@ def test_an_array_that_is_gone_is_told_in_a_sentence(tmp_path, monkeypatch, name
     monkeypatch.undo()
     with pytest.raises(InvalidInput, match=f"{name} is missing.*verify .* repair=true"):
         report.run([f"output={tmp_path}"])
+
+
+@pytest.mark.parametrize("sampling", ["grid", "one_at_a_time"])
+def test_lines_of_a_value_are_those_of_the_cuts_that_have_it(tmp_path, monkeypatch, sampling):
+    monkeypatch.setattr(Dataset, "kernel", "tests.pipeline.test_dataset:standin")
+    monkeypatch.setattr(Dataset, "report", lambda self, place: [])
+    words = ["study=parameter_study", "design.spindle_speed_rpm=[6000, 9000]", "cluster=serial"]
+    words += [
+        f"design.sampling={sampling}",
+        "vary.spindle.preload_n=[100, 50, 150]",
+        "vary.cutting.kt_mpa=[900, 500, 700]",
+    ]
+    assert dataset.run([*words, f"output={tmp_path}"]) == 0
+    with xr.open_zarr(tmp_path / STORE) as data:
+        found = by_value(data.load())
+    # The stand-in: exp(preload / 200 + kt / 4000) times something of speed; as described preload is 100 N and kt 900.
+    speed = 1.0 + 1e-4 * np.array([6000.0, 9000.0]) * 2.0 * np.pi / 60.0
+    others = {"grid": (500.0, 700.0, 900.0), "one_at_a_time": (900.0, 900.0, 900.0)}[sampling]
+    assert [own.name for own in found["spindle.preload_n"]] == ["50", "100", "150"]
+    for own, preload in zip(found["spindle.preload_n"], (50.0, 100.0, 150.0), strict=True):
+        for line, energy in zip((own.least, own.middle, own.largest), others, strict=True):
+            # The store keeps seven digits.
+            assert line == pytest.approx(np.exp(preload / 200.0 + energy / 4000.0) * speed, rel=1e-6)
+    kept = {"grid": 3, "one_at_a_time": 2}[sampling]
+    assert len(found["cutting.kt_mpa"]) == kept
+
+
+def test_inputs_of_many_values_have_no_lines(tmp_path, monkeypatch):
+    monkeypatch.setattr(Dataset, "kernel", "tests.pipeline.test_dataset:standin")
+    monkeypatch.setattr(Dataset, "report", lambda self, place: [])
+    words = ["study=parameter_study", "design.spindle_speed_rpm=[6000]", "cluster=serial"]
+    varied = f"vary.spindle.preload_n={list(range(100, 113))}"
+    assert dataset.run([*words, varied, "vary.tool.teeth=[2, 4]", f"output={tmp_path}"]) == 0
+    with xr.open_zarr(tmp_path / STORE) as data:
+        assert list(by_value(data.load())) == ["tool.teeth"]
