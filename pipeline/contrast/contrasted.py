@@ -122,7 +122,7 @@ def _name(label: Mapping[str, Any], inputs: pd.Series | None) -> str:
     """Return how people tell one line from the others."""
     if inputs is None:
         # Machines of measured tip modes know no preload.
-        preload = label["preload"] and f"{value_in_words(label['preload'])} N, "
-        return f"{label['modal_parameters']}, {preload or ''}modes: {label['mode_count']}"
+        preload = f"{value_in_words(label['preload'])} N, " if label["preload"] else ""
+        return f"{label['modal_parameters']}, {preload}modes: {label['mode_count']}"
     told = [f"{key.split('.')[-1]} {cell(value)}" for key, value in inputs.items()] if len(inputs) <= MOST_NAMED else []
     return f"machine {label['machine']}, cut {label['cut']}{': ' if told else ''}{', '.join(told)}"
