@@ -8,7 +8,7 @@ SEEDS  ?= test
 FOLDER ?= results/blind
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep dataset point compare diagnose improve predict identify paper tutorial template report journal status verify pack s3 bench scale blind soak slurm test clean
+.PHONY: help run sweep dataset point compare diagnose improve predict identify paper tutorial template report contrast journal status verify pack s3 bench scale blind soak slurm test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -55,6 +55,9 @@ template: $(VENV)/.installed ## an empty measurement campaign to fill in, by ARG
 
 report: $(VENV)/.installed ## write tables, figures and page of a finished study again, by ARGS=output=DIR
 	$(BIN)/python -m pipeline report $(ARGS)
+
+contrast: $(VENV)/.installed ## two studies held against each other, by ARGS="first=DIR second=DIR"
+	$(BIN)/python -m pipeline contrast $(ARGS)
 
 journal: $(VENV)/.installed ## what happened in the runs of a study, by ARGS=output=DIR
 	$(BIN)/python -m pipeline journal $(ARGS)

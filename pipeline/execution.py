@@ -27,7 +27,7 @@ from pipeline.kinds import kind_of
 from pipeline.places import CLOCK, LOCK, RECORD, STORES, Place, StillHeld, as_long_as_it_takes, place_of
 from pipeline.progress import Meter
 from pipeline.provenance import code_version
-from pipeline.settings import Cluster, Study, differing_keys
+from pipeline.settings import Cluster, Study, differing_keys, margins_of
 from pipeline.stopping import signals
 from pipeline.task import Record, Task, compute_first
 from pipeline.telling import bars, command, complain, fact, note, say, wrote
@@ -135,6 +135,8 @@ def _prepare(settings: Study, place: Place, argv: list[str]) -> None:
             keys = differing_keys(existing.get("settings", {}), wanted)
             shown = ", ".join(keys[:12]) + (f" and {len(keys) - 12} more" if len(keys) > 12 else "")
             raise InvalidInput([f"{place}: holds a study with other settings; they differ in: {shown}"])
+        if margins_of(existing) != settings.margins:
+            metadata.update(place, margins=settings.margins.said)
         metadata.refresh_copy(place)
         return
     if names - OF_A_CREATION:

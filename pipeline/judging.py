@@ -5,8 +5,7 @@ It never takes the place of what was measured, of what is read, or of what was s
 """
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,8 +20,7 @@ from pipeline import comparison_document, diagnosis_document
 from pipeline.campaigns import Asked, options_of, read
 from pipeline.cluster import Workers, open_client
 from pipeline.configuration import sort_words
-from pipeline.errors import StoreInUse
-from pipeline.locking import locked, make_folder, remove_empty
+from pipeline.locking import held_for_results
 from pipeline.telling import complain, fact, say, wrote
 from pipeline.verbs.campaigns import JudgingOptions
 
@@ -69,7 +67,7 @@ def run(verb: Verb[Found], words: list[str]) -> int:
         verb.check(asked.model)
         output = options.output or Path("results") / f"{options.verb()}-{asked.name}"
         _refuse_loss(verb.files, output, options, asked)
-        with _held(output):
+        with held_for_results(output):
             with open_client(asked.cluster) as client:
                 workers = None if client is None else Workers(client, asked.cluster.patience, NOT_KEPT)
                 found = verb.compute(workers, asked)
@@ -103,28 +101,6 @@ def _campaign_of(document: Path) -> str | None:
         return str(json.loads(document.read_text(encoding="utf-8"))["campaign"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
-
-
-@contextmanager
-def _held(output: Path) -> Iterator[None]:
-    """Hold the folder of an answer; where there is none in the end, no folder that was made for it stays.
-
-    Raises InvalidInput when it cannot be written, StoreInUse when another run holds it.
-    """
-    new = [folder for folder in (output, *output.parents) if not folder.exists()]
-    try:
-        make_folder(output)
-        with locked(output):
-            yield
-    except StoreInUse:
-        # What is there belongs to the other run.
-        raise
-    except BaseException as error:
-        for folder in new:
-            remove_empty(folder)
-        if isinstance(error, OSError):
-            raise InvalidInput([f"output: {output} cannot be written: {error.strerror or error}"]) from None
-        raise
 
 
 def _write(verb: Verb[Found], found: Found, asked: Asked, output: Path) -> list[Path]:

@@ -63,3 +63,25 @@ def remove_empty(output: Path) -> None:
         for name in (".lock", "lock.json"):
             (output / name).unlink(missing_ok=True)
         output.rmdir()
+
+
+@contextmanager
+def held_for_results(output: Path) -> Iterator[None]:
+    """Hold a folder for results; where there is none in the end, no folder that was made for it stays.
+
+    Raises InvalidInput when it cannot be written, StoreInUse when another run holds it.
+    """
+    new = [folder for folder in (output, *output.parents) if not folder.exists()]
+    try:
+        make_folder(output)
+        with locked(output):
+            yield
+    except StoreInUse:
+        # What is there belongs to the other run.
+        raise
+    except BaseException as error:
+        for folder in new:
+            remove_empty(folder)
+        if isinstance(error, OSError):
+            raise InvalidInput([f"output: {output} cannot be written: {error.strerror or error}"]) from None
+        raise

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
 from jinja2 import Environment, PackageLoader, select_autoescape
 
 from pipeline.telling import command
@@ -21,6 +23,21 @@ class PageTable:
     title: str
     columns: list[str]
     rows: list[list[str]]
+
+
+def cell(value: Any) -> str:
+    """Return a value as a table on a page has it: numbers of at most five digits, nothing for one that is not known."""
+    if not isinstance(value, float | np.floating):
+        return str(value)
+    return "" if np.isnan(value) else f"{value:.5g}"
+
+
+def table_of(title: str, frame: pd.DataFrame) -> PageTable:
+    """Return a table as a page has it."""
+    columns = [str(name).replace("_", " ") for name in frame.columns]
+    # By columns: a row of mixed types would turn its whole numbers into others.
+    cells = [[cell(value) for value in frame[name]] for name in frame.columns]
+    return PageTable(title=title, columns=columns, rows=[list(row) for row in zip(*cells, strict=True)])
 
 
 def provenance(attributes: Mapping[str, Any], verb: str) -> list[tuple[str, str]]:

@@ -1,8 +1,10 @@
 """Progress on a terminal or in a log."""
 
 import time
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
 from types import TracebackType
-from typing import Self
+from typing import Self, TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -11,6 +13,24 @@ from pipeline.telling import bars, note
 
 #: Seconds between two lines where there is no terminal.
 LINE_INTERVAL = 10.0
+#: Seconds before it is shown how far something is that mostly takes no time.
+PATIENCE = 2.0
+
+Given = TypeVar("Given")
+
+
+def watched(given: Iterable[Given], total: int, what: str) -> Iterator[Given]:
+    """Yield what is given, so many in all, and show how far it is where that takes long."""
+    started, done = time.monotonic(), 0
+    with ExitStack() as shown:
+        meter = None
+        for one in given:
+            yield one
+            done += 1
+            if meter:
+                meter.advance(1)
+            elif time.monotonic() - started > PATIENCE:
+                meter = shown.enter_context(Meter(total, done, what))
 
 
 class Meter:

@@ -75,6 +75,7 @@ def create(place: Place, settings: Study, argv: list[str]) -> None:
             "entries_per_chunk": block,
             "history": [],
             "complete": False,
+            "margins": settings.margins.said,
             **more,
             **provenance(argv),
         },
@@ -231,9 +232,9 @@ def check(place: Place) -> zarr.Group:
     wrong = [f"{document} {why}" for document, why in metadata.problems(place).items()]
     if not wrong:
         group = zarr.open_group(place.store(), mode="r", use_consolidated=False)
-        wrong = [f"{name} is missing" for name in lost_wholes(place, kind_of(place).coordinates)] or _unusable_parts(
-            group
-        )
+        kind = kind_of(place)
+        wrong = [f"{name} is missing" for name in lost_wholes(place, (*kind.coordinates, *kind.wholes))]
+        wrong = wrong or _unusable_parts(group)
     if wrong:
         raise InvalidInput(
             [

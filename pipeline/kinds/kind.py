@@ -102,5 +102,8 @@ class Kind(ABC):
         """Return in words which chunk one is; values: of the coordinates in ``told_by``."""
 
     @abstractmethod
-    def report(self, place: Place) -> list[Path]:
-        """Write what people read of a store; return the paths. Raises InvalidInput where it cannot be read."""
+    def report(self, place: Place, **margins: float) -> list[Path]:
+        """Write what people read of a store; return the paths. Raises InvalidInput where it cannot be read.
+
+        margins: of recommended cuts by their keys, in the place of those that its last run named.
+        """

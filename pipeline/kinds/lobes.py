@@ -123,12 +123,12 @@ class Lobes(Kind):
         begin, end = values["spindle_speed"][first], values["spindle_speed"][last - 1]
         return f"{parameters}, {preload:g} N, {modes} mode{'s' if modes > 1 else ''}, {begin:g} to {end:g} rpm"
 
-    def report(self, place: Place) -> list[Path]:
+    def report(self, place: Place, **margins: float) -> list[Path]:
         """Write tables, figures and the page of a sweep."""
         # The page imports what draws it, which a worker has no use for.
         from pipeline import report
 
-        return report.write(place)
+        return report.write(place, **margins)
 
 
 def coordinate_values(settings: Settings) -> dict[str, np.ndarray]:

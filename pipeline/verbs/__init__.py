@@ -13,7 +13,14 @@ from pipeline.verbs.campaigns import (
     TemplateOptions,
 )
 from pipeline.verbs.options import Options
-from pipeline.verbs.stores import JournalOptions, PackOptions, ReportOptions, StatusOptions, VerifyOptions
+from pipeline.verbs.stores import (
+    ContrastOptions,
+    JournalOptions,
+    PackOptions,
+    ReportOptions,
+    StatusOptions,
+    VerifyOptions,
+)
 from pipeline.verbs.studies import DatasetOptions, PaperOptions, PointOptions, SweepOptions
 
 VERBS: dict[str, type[Options]] = {
@@ -29,6 +36,7 @@ VERBS: dict[str, type[Options]] = {
         IdentifyOptions,
         PaperOptions,
         TemplateOptions,
+        ContrastOptions,
         ReportOptions,
         VerifyOptions,
         PackOptions,

@@ -20,6 +20,8 @@ Names = Annotated[str, "[NAME,...]"]
 #: Where an object store's study lies; places read it.
 Address = Annotated[str, "s3://BUCKET/PREFIX"]
 Seconds = Annotated[str, "NUMBER"]
+#: A study, by its folder or its address.
+StudyPlace = Annotated[str, "DIR or s3://BUCKET/PREFIX"]
 
 
 def _small(said: Any) -> Any:
@@ -30,6 +32,8 @@ def _small(said: Any) -> Any:
 Truth = Annotated[Literal["true", "false"], BeforeValidator(_small)]
 #: Seconds after which a run that is not heard of holds an object store no longer, unless said, and what may be said.
 LEASE, SHORTEST, LONGEST = 60.0, 3.0, 86400.0
+#: Margins of recommended cuts stay below the first, and go up to the second [%].
+ALL_DEPTH, MOST_SPEED = 100.0, 50.0
 #: Groups of configs that describe the machine and its cut.
 MACHINE = ("machine", "bearing", "spindle", "tool", "cutting", "process")
 
@@ -136,3 +140,28 @@ class PlaceOptions(Options):
         description="seconds that a run holds an object store without being heard of; "
         f"{SHORTEST:g} to {LONGEST:g}, default {LEASE:g}",
     )
+
+
+class MarginOptions(Options):
+    """How far recommended cuts keep from their boundary, where not as the last run of the study said."""
+
+    depth_percent: float | None = Field(
+        default=None,
+        alias="margins.depth_percent",
+        ge=0.0,
+        lt=ALL_DEPTH,
+        description="share of the limit depth that recommended cuts keep free",
+    )
+    speed_percent: float | None = Field(
+        default=None,
+        alias="margins.speed_percent",
+        ge=0.0,
+        le=MOST_SPEED,
+        description="by how much a spindle may miss its speed in recommended cuts",
+    )
+
+    @property
+    def margins(self) -> dict[str, float]:
+        """The margins that are said, by their keys in a study."""
+        said = {"depth_percent": self.depth_percent, "speed_percent": self.speed_percent}
+        return {key: value for key, value in said.items() if value is not None}

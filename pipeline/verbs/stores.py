@@ -2,15 +2,31 @@
 
 from pydantic import Field
 
-from pipeline.verbs.options import DirectoryPath, PlaceOptions, Truth
+from pipeline.verbs.options import DirectoryPath, MarginOptions, PlaceOptions, StudyPlace, Truth
 
 OVERNIGHT = "results/overnight-1234abcd"
 
 
-class ReportOptions(PlaceOptions):
+class ReportOptions(MarginOptions, PlaceOptions):
     """Write tables, figures and report of a computed study again."""
 
     examples = (f"report output={OVERNIGHT}", "report store=s3://bucket/machines/first")
+
+
+class ContrastOptions(MarginOptions):
+    """Hold two studies against each other: what was asked otherwise, and how the boundary moved.
+
+    Two sweeps, or two data sets of one design. Writes a page, a figure and tables.
+    """
+
+    examples = (
+        "contrast first=results/smoke-1234abcd second=results/smoke-5678abcd",
+        "contrast first=results/before second=s3://bucket/machines/after output=results/contrast",
+    )
+
+    first: StudyPlace = Field(description="the study that is the measure: its folder, or its address")
+    second: StudyPlace = Field(description="the study that is held against it")
+    output: DirectoryPath | None = Field(default=None, description="folder for the answer")
 
 
 class StatusOptions(PlaceOptions):
