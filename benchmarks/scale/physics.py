@@ -15,7 +15,7 @@ from pipeline.places import LOBES, Folder
 from pipeline.sweep import OPTIONS
 from pipeline.task import Task, compute_chunk, compute_first
 
-#: Cells of a chunk that are tried: the default and ten times as many; depths of a speed.
+#: Cells of a chunk that are tried: those of a small study and ten times as many; depths of a speed.
 SIZES, DEPTHS = (1500, 15000), 100
 
 

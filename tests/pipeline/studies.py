@@ -66,18 +66,19 @@ def sweep_process(
 
     launcher: what starts it; terminal: descriptor of the one that it speaks to and is closed with, pipes without one.
     """
+    # Worker processes import the script again, and need none of this.
     script = (
-        "import sys\n"
-        "from tests.pipeline.studies import run\n"
-        "from pipeline.__main__ import main\n"
-        "from pipeline import report, sweep\n"
         "if __name__ == '__main__':\n"
-        # Tables and figures take longer than everything else.
-        "    report.write = lambda output: []\n"
+        "    import sys\n"
+        "    from pipeline import sweep\n"
+        "    from pipeline.__main__ import main\n"
+        "    from pipeline.kinds import Lobes\n"
+        "    from tests.pipeline.studies import run\n"
+        # Tables and figures take longer than everything else, and so does what draws them to import.
+        "    Lobes.report = lambda self, place: []\n"
         f"    sweep.run = lambda words: run(words, kernel='{kernel}')\n"
         "    sys.exit(main(['sweep', *sys.argv[1:]]))\n"
     )
-    # A file, not -c: worker processes import the script again.
     file = output.parent / "run_sweep.py"
     file.write_text(script)
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
