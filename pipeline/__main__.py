@@ -11,6 +11,7 @@ from types import FrameType
 from chatter_core.errors import ChatterError, InvalidInput
 from pipeline import completion, usage
 from pipeline.errors import StoreInUse
+from pipeline.stopping import heard, leave_terminal
 from pipeline.telling import complain, finish, leave_telling, note, say, told
 from pipeline.verbs import VERBS
 
@@ -67,9 +68,9 @@ def _guarded(work: Callable[[], int]) -> int:
     except KeyboardInterrupt:
         note("stopped at once; a store goes on where it was")
         return 128 + signal.SIGINT
-    except Terminated:
+    except Terminated as end:
         note("terminated; a store goes on where it was")
-        return 128 + signal.SIGTERM
+        return 128 + end.number
     except BrokenPipeError:
         # Whoever read our output has gone: nothing is left to tell.
         sys.stderr.close()
@@ -82,26 +83,34 @@ def _guarded(work: Callable[[], int]) -> int:
 
 
 class Terminated(BaseException):
-    """SIGTERM came: as Ctrl-C does, it ends what was started and clears away what is half done."""
+    """SIGTERM came, or the terminal was closed: it ends what was started and clears away what is half done."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        super().__init__(number)
 
 
 @contextmanager
 def _terminated_in_order() -> Iterator[None]:
-    """Turn SIGTERM into Terminated, for a verb that does not do better."""
+    """Turn SIGTERM and SIGHUP into Terminated, for a verb that does not do better."""
 
     def handle(number: int, frame: FrameType | None) -> None:
         # What is cleared away must not be broken off by a second one.
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        raise Terminated
+        for one in before:
+            signal.signal(one, signal.SIG_IGN)
+        if number == signal.SIGHUP:
+            leave_terminal()
+        raise Terminated(number)
 
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, handle)
+    before = {number: signal.signal(number, handle) for number in heard(signal.SIGTERM, signal.SIGHUP)}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _role(words: list[str]) -> AbstractContextManager[bool]:

@@ -1,5 +1,6 @@
 """The way of every study: what is missing in its store is computed, and its report written; whatever interrupts."""
 
+import errno
 import json
 import os
 import signal
@@ -19,13 +20,15 @@ from chatter_core.errors import InvalidInput
 from chatter_core.variables import FAILED, STATUS
 from pipeline import metadata, store, survey
 from pipeline.cluster import open_client, pages
-from pipeline.dispatch import dispatched, signals
+from pipeline.dispatch import dispatched
 from pipeline.errors import StorageFailed, StoreUnavailable, WorkersLost
 from pipeline.journal import Journal
 from pipeline.kinds import kind_of
 from pipeline.places import CLOCK, LOCK, RECORD, STORES, Place, StillHeld, as_long_as_it_takes, place_of
 from pipeline.progress import Meter
+from pipeline.provenance import code_version
 from pipeline.settings import Cluster, Study, differing_keys
+from pipeline.stopping import signals
 from pipeline.task import Record, Task, compute_first
 from pipeline.telling import bars, command, complain, fact, note, say, wrote
 
@@ -99,17 +102,25 @@ def carry_on(
         still_held()
         written = _finish(place, journal, counts)
     except Stopped as stop:
-        journal.write("stopped", signal=str(stop))
         again = command(kind_of(place).verb, *argv) if argv else "the same command"
+        # Where its terminal was closed nobody reads what a run says.
+        journal.write("stopped", signal=str(stop), again=again)
         note(f"stopped; nothing is lost. Go on with: {again}")
         return 128 + stop.number
     except OSError as error:
-        # The disk is full, or the place has gone away: what was computed before is in the store.
+        # The disk is full or ill, or the place has gone away: what was computed before is in the store.
         raise StorageFailed(
             f"{error.filename or place.where(place.root)}: {error.strerror or error}; what was computed is kept, "
-            f"the same command goes on once {'it answers' if isinstance(error, StoreUnavailable) else 'there is room'}"
+            f"the same command goes on once {_mended(error)}"
         ) from None
     return _tell(place, counts, written, journal)
+
+
+def _mended(error: OSError) -> str:
+    """Return what must come about before a run can go on that a file has stopped."""
+    if isinstance(error, StoreUnavailable):
+        return "it answers"
+    return "there is room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "that is mended"
 
 
 def _prepare(settings: Study, place: Place, argv: list[str]) -> None:
@@ -154,8 +165,8 @@ def _compute(
     numbers = np.flatnonzero(missing)
     if not len(numbers):
         return counts
-    begun = f"{store.now()} {len(numbers)} of {len(every)} chunks to compute, code {store.code_version()}"
-    metadata.update(place, history=[*metadata.attributes(place)["history"], begun])
+    begun = f"{len(numbers)} of {len(every)} chunks to compute, code {code_version()}"
+    made = metadata.begin(place, begun)
     # Many writers of one shard would lose each other's chunks.
     cluster = Cluster(kind="serial") if store.is_packed(group) else settings.cluster
     own, limit = settings.effects_path, cluster.time_limit
@@ -163,7 +174,7 @@ def _compute(
         place=place.anywhere(),
         chunk=every[int(numbers[0])],
         kernel=kernel or kind.kernel,
-        made=store.identity(group),
+        made=made,
         effects_path=own,
         time_limit=limit,
     )
@@ -180,7 +191,6 @@ def _compute(
                 for record in dispatched(tasks, client, stopping, cluster.patience):
                     still_held()
                     _note(journal, record, kind.entry)
-                    counts.update(record.counts)
                     meter.advance(every.cells(record.chunk))
         except (RuntimeError, OSError) as error:
             # A signal that went to the whole process group may have taken the workers along.
@@ -190,7 +200,22 @@ def _compute(
                 raise
         if stopping.number:
             raise Stopped(stopping.number)
-    counts["pending"] = every.all_cells - counts.total()
+    return _kept(place, stopping.asked)
+
+
+def _kept(place: Place, short: bool) -> Counter[str]:
+    """Return how many cells of the store have which status, as the store itself says when all has been written.
+
+    short: whether some were not begun. Raises StorageFailed where others are missing: they were removed or damaged.
+    """
+    missing, of_others = survey.pending(place, retry_failed=False)
+    counts = Counter({name: int(of_others[code]) for name, code in STATUS.items()})
+    if missing.any() and not short:
+        raise StorageFailed(
+            f"{place.where(place.root)}: {np.count_nonzero(missing)} chunks that were written are not there any more, "
+            "or damaged; the same command computes them again"
+        )
+    counts["pending"] = store.chunks(store.open_group(place)).all_cells - counts.total()
     return counts
 
 

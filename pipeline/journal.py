@@ -11,9 +11,10 @@ from typing import Any
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS, WITH_RESULT
 from pipeline import store
+from pipeline.errors import is_damage
 from pipeline.kinds import kind_of
 from pipeline.places import Place
-from pipeline.store import now
+from pipeline.provenance import now
 from pipeline.study_place import study_place
 from pipeline.telling import fact, say
 from pipeline.verbs.stores import JournalOptions
@@ -79,8 +80,14 @@ def torn_lines(path: Path) -> int:
 
 
 def _lines(path: Path) -> Iterator[Event | None]:
-    with path.open(encoding="utf-8", errors="replace", newline="\n") as file:
-        yield from (_event(line.removesuffix("\n")) for line in file)
+    try:
+        with path.open(encoding="utf-8", errors="replace", newline="\n") as file:
+            yield from (_event(line.removesuffix("\n")) for line in file)
+    except OSError as error:
+        if not is_damage(error):
+            raise
+        # From here on the disk has lost it.
+        yield None
 
 
 def _event(line: str) -> Event | None:
@@ -148,7 +155,7 @@ def _told(event: Event, place: Callable[[Event], str]) -> str:
     if kind == "workers":
         return f"workers: {event['cluster']}, to be watched at {event['pages']}"
     if kind == "stopped":
-        return f"stopped by {event['signal']}"
+        return f"stopped by {event['signal']}" + (f"; goes on with: {event['again']}" if "again" in event else "")
     counts = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in event["counts"].items())
     if kind == "end":
         return f"ended: {counts}"

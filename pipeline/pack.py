@@ -12,6 +12,7 @@ from pipeline import metadata, store, survey
 from pipeline.places import Folder
 from pipeline.places.folder import PACKING
 from pipeline.progress import Meter
+from pipeline.provenance import now
 from pipeline.study_place import study_place
 from pipeline.telling import command, fact, say
 from pipeline.verbs.stores import PackOptions
@@ -53,7 +54,7 @@ def pack(place: Folder) -> tuple[int, int]:
         for name in chunked:
             _pack_variable(group, packing, name)
             meter.advance(1)
-    metadata.reseal(place, PACKING, packed=store.now())
+    metadata.reseal(place, PACKING, packed=now())
     place.exchange()
     store.forget()
     metadata.refresh_copy(place)

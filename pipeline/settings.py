@@ -188,10 +188,9 @@ class Cluster(Part):
     workers: Annotated[int, Field(ge=1, le=1024)] | None = Field(default=None, description="workers; none: one a core")
     address: str | None = Field(default=None, description="address of a running scheduler")
     job: QueueJobs | None = Field(default=None, description="jobs of a queue")
-    cells_per_task: int = Field(
-        default=1500, ge=1, le=10_000_000, description="cells of a chunk; about a second at a millisecond a cell"
+    cells_per_task: Annotated[int, Field(ge=1, le=10_000_000)] | None = Field(
+        default=None, description="cells of a chunk; null: a second or two, and less where a study is small"
     )
-
     time_limit: Annotated[float, Field(gt=0.0, le=1e7)] | None = Field(
         default=None, alias="time_limit_s", description="seconds for a chunk, then its worker is ended; null: no limit"
     )

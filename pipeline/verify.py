@@ -11,7 +11,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS
 from pipeline import execution, journal, metadata, store, survey
 from pipeline.chunks import Chunk
-from pipeline.errors import StoreUnavailable
+from pipeline.errors import StoreUnavailable, Unreadable
 from pipeline.kinds import kind_of
 from pipeline.places import RECORD, Folder, Place, StillHeld, as_long_as_it_takes
 from pipeline.progress import Meter
@@ -153,7 +153,7 @@ def _remove_unreadable_shards(place: Place, found: Damage) -> None:
 def _reads(group: store.Group, name: str) -> bool:
     try:
         store.whole(group, name)
-    except ValueError:
+    except Unreadable:
         return False
     return True
 

@@ -68,6 +68,8 @@ class Dataset(Kind):
     along, entry = "machine", "machine"
     kernel = "pipeline.samples:machine_sample"
     told_by = ()
+    # Each is a limit depth that is searched for: a dozen times the work of a sweep's cell.
+    cells_of_task = (1500, 1500)
 
     def title(self, settings: DatasetSettings) -> str:
         """Return the title of a store."""

@@ -53,6 +53,8 @@ class Lobes(Kind):
     along, entry = "spindle_speed", "speed"
     kernel = KERNEL
     told_by = ("modal_parameters", "preload", "mode_count", "spindle_speed")
+    # A quarter of a second of a core, and somewhat more than one.
+    cells_of_task = (1500, 8000)
 
     def title(self, settings: Settings) -> str:
         """Return the title of a store."""

@@ -2,6 +2,7 @@
 
 import os
 import signal
+from contextlib import suppress
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -17,7 +18,7 @@ from pipeline.cluster import Workers, open_client
 from pipeline.errors import WorkersLost
 from pipeline.settings import Cluster
 from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED, GATE
-from tests.pipeline.studies import CHUNKS, PATIENCE, journal, lobes, sweep, sweep_process, wait_until
+from tests.pipeline.studies import CHUNKS, PATIENCE, ended, journal, lobes, sweep, sweep_process, wait_until
 
 
 def finished_chunks(output: Path) -> list[Chunk]:
@@ -72,6 +73,33 @@ def test_ctrl_c_in_a_terminal_ends_a_run_with_worker_processes_in_good_order(
     assert len(journal(output, "stopped")) == 1
     done = len(finished_chunks(output))
     assert len(journal(output, "chunk")) == done < CHUNKS
+    assert sweep(output) == 0
+    assert len(journal(output, "chunk")) == CHUNKS
+    xr.testing.assert_identical(lobes(output).drop_attrs(), reference.drop_attrs())
+
+
+def test_a_closed_terminal_ends_a_run_as_a_signal_does(tmp_path: Path, reference: xr.Dataset) -> None:
+    """Whose ssh connection is lost finds in the journal how to go on."""
+    output, (ours, theirs) = tmp_path / "study", os.openpty()
+    os.set_blocking(ours, False)
+    process = sweep_process(output, "cluster=local", "cluster.workers=1", terminal=theirs)
+    os.close(theirs)
+
+    def two_done() -> bool:
+        with suppress(BlockingIOError):
+            # Somebody has to read what a terminal shows.
+            os.read(ours, 65536)
+        return len(journal(output, "chunk")) >= 2
+
+    with ended(process):
+        wait_until(two_done, process)
+        # From here on what is written to it is an error, and the whole session is told.
+        os.close(ours)
+        assert process.wait(PATIENCE) == 128 + signal.SIGHUP
+    (stopped,) = journal(output, "stopped")
+    assert stopped["signal"] == "SIGHUP"
+    assert stopped["again"] == f"python -m pipeline sweep output={output} cluster=local cluster.workers=1"
+    assert len(journal(output, "chunk")) == len(finished_chunks(output)) < CHUNKS
     assert sweep(output) == 0
     assert len(journal(output, "chunk")) == CHUNKS
     xr.testing.assert_identical(lobes(output).drop_attrs(), reference.drop_attrs())
