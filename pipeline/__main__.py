@@ -36,8 +36,7 @@ def main(words: list[str] | None = None) -> int:
         words = ["help", *(word for word in words if word not in HELP | {"help"})]
     verb, rest = (words[0], words[1:]) if words else ("", [])
     with told(rest if verb in VERBS else []) as telling:
-        code = _guarded(lambda: _carry_out(verb, rest))
-        return _guarded(lambda: finish(telling, verb, code))
+        return _guarded(lambda: finish(telling, verb, _carry_out(verb, rest)))
 
 
 def _carry_out(verb: str, rest: list[str]) -> int:
