@@ -110,7 +110,8 @@ def _against_inputs(data: xr.Dataset, samples: pd.DataFrame) -> tuple[figure, Ch
         "cut": shown["cut"].values,
     }
     source = choices.source({(key,): {"value": numbers(values[:, i])} for i, key in enumerate(keys)}, common)
-    made = plot("Lowest limit depth of every cut", "value of the chosen input", "lowest limit depth [mm]")
+    along = keys[0] if len(keys) == 1 else "value of the chosen input"
+    made = plot("Lowest limit depth of every cut", along, "lowest limit depth [mm]")
     points = made.scatter("value", "lowest", source=source, size=5, color=COLOURS[0], alpha=0.5)
     rows_told = [
         ("machine, cut", "@machine, @cut"),

@@ -9,7 +9,7 @@ from bokeh.plotting import figure
 
 from pipeline.by_value import OfValue
 from pipeline.dataset_figures import ordered_colours
-from pipeline.plots import WIDE, Choices, Key, hover, numbers, plot
+from pipeline.plots import ABREAST, WIDE, Choices, Key, hover, numbers, plot
 
 
 def lines_by_value(
@@ -18,7 +18,8 @@ def lines_by_value(
     """Return limit depths over speed [rpm], a line and a band for each value of the input; its choice."""
     first = next(iter(values))
     choices = Choices({"by": {key: key for key in values}}, {"by": first}, width=WIDE)
-    made = plot("Limit depths by the values of an input", "spindle speed [rpm]", "limit depth [mm]", height=440)
+    of = first if len(values) == 1 else "the values of an input"
+    made = plot(f"Limit depths by {of}", "spindle speed [rpm]", "limit depth [mm]", height=440)
     made.y_range.start = 0.0
     data: dict[Key, dict[str, Any]] = {(key,): _columns(numbers(speed), own) for key, own in values.items()}
     source = choices.source(data, {})
@@ -31,7 +32,9 @@ def lines_by_value(
     ]
     made.add_tools(hover([lines], rows))
     # Its names are read from the data: they change with what is chosen.
-    key = Legend(items=[LegendItem(label={"field": "name"}, renderers=[lines])], orientation="horizontal", ncols=6)
+    key = Legend(
+        items=[LegendItem(label={"field": "name"}, renderers=[lines])], orientation="horizontal", ncols=ABREAST
+    )
     key.location, key.margin, key.padding, key.background_fill_alpha, key.border_line_alpha = "left", 0, 0, 0.0, 0.0
     made.add_layout(key, "above")
     return made, choices, {}

@@ -7,10 +7,13 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from chatter_core.errors import InvalidInput
+from chatter_core.units import SUFFIXES
 from chatter_core.variables import WITH_RESULT
 from pipeline import report, store
 from pipeline.best_cuts import best_cuts
 from pipeline.dataset_tables import RATE, inputs_table, samples_table
+from pipeline.kinds import kind_of
 from pipeline.lobes import OUTER
 from pipeline.places import LOBES, Place
 
@@ -69,9 +72,21 @@ def read(place: Place, margins: dict[str, float]) -> Lines:
     names += [] if place.root == LOBES else ["split"]
     with store.readable(place) as opened:
         data = opened[names]
+        _require_units(place, data)
         data = data.isel(spindle_speed=slice(None, None, step)).load()
         data.attrs = {**opened.attrs, "margins": margins}
     return _of_sweep(str(place), data, step) if place.root == LOBES else _of_dataset(str(place), data)
+
+
+def _require_units(place: Place, data: xr.Dataset) -> None:
+    """Raise InvalidInput where a store has other units than the program: its numbers would be taken for others."""
+    kind = kind_of(place)
+    wanted = {name: kind.chunked[name].unit for name in AT_LIMIT.values()}
+    wanted |= {name: SUFFIXES[suffix][1] for name, (suffix, _) in kind.coordinates.items() if suffix}
+    found = {name: data[name].attrs.get("units", "no unit") for name in wanted if name in data.variables}
+    wrong = [f"found {name} in {unit}, allowed: {wanted[name]}" for name, unit in found.items() if unit != wanted[name]]
+    if wrong:
+        raise InvalidInput([f"{place.where(place.root)}: {one}" for one in wrong])
 
 
 def _of_sweep(place: str, lobes: xr.Dataset, step: int) -> Lines:

