@@ -35,6 +35,31 @@ VERBS = {
     "status": "how far a study is that is being computed, or was: done, failed, rate, time left",
 }
 
+#: Verb -> the options that it takes beside groups and values.
+OPTIONS = {
+    "sweep": "output=DIR, store=s3://BUCKET/PREFIX, lease_s=60, retry_failed=true, effects=[NAME,...], effects_path=DIR, "
+    "base=full|static_bearing",
+    "dataset": "design=FILE.yaml, vary.KEY=[VALUE, ...], budget_hours=1, retry_failed=true, output=DIR, store=ADDRESS, "
+    "effects=[NAME,...], effects_path=DIR",
+    "point": "spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static, format=text|json, "
+    "output=DIR, effects=[NAME,...], effects_path=DIR, base=full|static_bearing",
+    "compare": "campaign=DIR, model=FILE.yaml, output=DIR, base=full|static_bearing, modes=N, effects=[NAME,...], "
+    "effects_path=DIR",
+    "diagnose": "as compare",
+    "improve": "as compare",
+    "predict": "campaign=DIR, model=FILE.yaml, trials=FILE.csv, predictions=FILE.csv, base=full|static_bearing, "
+    "modes=N, effects=[NAME,...], effects_path=DIR",
+    "identify": "frf=FILE.csv|FILE.uff or campaign=DIR, modes, lowest_frequency_hz, highest_frequency_hz, "
+    "output=FILE.yaml",
+    "paper": "output=DIR",
+    "template": "output=DIR",
+    "report": "output=DIR or store=s3://BUCKET/PREFIX",
+    "journal": "output=DIR or store=ADDRESS",
+    "status": "output=DIR or store=s3://BUCKET/PREFIX, format=text|json",
+    "verify": "output=DIR or store=s3://BUCKET/PREFIX, repair=true, effects_path=DIR",
+    "pack": "output=DIR",
+}
+
 #: Word that asks for an MPI run: all its processes read it, and before anything else is done each has its part.
 MPI = "cluster=mpi"
 
@@ -74,27 +99,7 @@ effects, with the values of configs/effects; one is changed by effects.NAME.KEY=
 {effects}
 
 options of verbs
-  sweep     output=DIR, store=s3://BUCKET/PREFIX, lease_s=60, retry_failed=true,
-            effects=[NAME,...], effects_path=DIR, base=full|static_bearing
-  dataset   design=FILE.yaml, vary.KEY=[VALUE, ...], budget_hours=1, retry_failed=true, output=DIR, store=ADDRESS,
-            effects=[NAME,...], effects_path=DIR
-  point     spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static,
-            format=text|json, output=DIR, effects=[NAME,...], effects_path=DIR, base=full|static_bearing
-  compare   campaign=DIR, model=FILE.yaml, output=DIR
-            base=full|static_bearing, modes=N, effects=[NAME,...], effects_path=DIR
-  diagnose  as compare
-  improve   as compare
-  predict   campaign=DIR, model=FILE.yaml, trials=FILE.csv, predictions=FILE.csv
-            base=full|static_bearing, modes=N, effects=[NAME,...], effects_path=DIR
-  identify  frf=FILE.csv|FILE.uff or campaign=DIR, modes, lowest_frequency_hz, highest_frequency_hz,
-            output=FILE.yaml
-  paper     output=DIR
-  template  output=DIR
-  report    output=DIR or store=s3://BUCKET/PREFIX
-  journal   output=DIR or store=ADDRESS
-  status    output=DIR or store=s3://BUCKET/PREFIX, format=text|json
-  verify    output=DIR or store=s3://BUCKET/PREFIX, repair=true, effects_path=DIR
-  pack      output=DIR
+{options}
 
 exit codes: 0 all well, 1 some points failed and are marked, or no worker is left, 2 bad input, 3 store in use
 """
@@ -186,7 +191,13 @@ def _help() -> str:
     verbs = "\n".join(f"  {name:10}{doc}" for name, doc in VERBS.items())
     choices = "\n".join(f"  {name:8} {', '.join(found)}" for name, found in groups().items())
     effects = textwrap.fill(", ".join(effect_names()), 100, initial_indent="  ", subsequent_indent="  ")
-    return HELP.format(verbs=verbs, groups=choices, effects=effects)
+    options = "\n".join(_option_lines(verb, said) for verb, said in OPTIONS.items())
+    return HELP.format(verbs=verbs, groups=choices, effects=effects, options=options)
+
+
+def _option_lines(verb: str, options: str) -> str:
+    """Return the options of a verb beside its name, with lines of a terminal's width."""
+    return textwrap.fill(options, 110, initial_indent=f"  {verb:10}", subsequent_indent=" " * 12)
 
 
 if __name__ == "__main__":
