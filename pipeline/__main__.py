@@ -37,10 +37,10 @@ VERBS = {
 
 #: Verb -> the options that it takes beside groups and values.
 OPTIONS = {
-    "sweep": "output=DIR, store=s3://BUCKET/PREFIX, lease_s=60, retry_failed=true, effects=[NAME,...], effects_path=DIR, "
-    "base=full|static_bearing",
-    "dataset": "design=FILE.yaml, vary.KEY=[VALUE, ...], budget_hours=1, retry_failed=true, output=DIR, store=ADDRESS, "
-    "effects=[NAME,...], effects_path=DIR",
+    "sweep": "output=DIR, store=s3://BUCKET/PREFIX, lease_s=60, retry_failed=true, effects=[NAME,...], "
+    "effects_path=DIR, base=full|static_bearing",
+    "dataset": "design=FILE.yaml, vary.KEY=[VALUE, ...], budget_hours=1, retry_failed=true, output=DIR, "
+    "store=s3://BUCKET/PREFIX, lease_s=60, effects=[NAME,...], effects_path=DIR",
     "point": "spindle_speed_rpm, axial_depth_mm, preload_n, modes, modal_parameters=dynamic|static, format=text|json, "
     "output=DIR, effects=[NAME,...], effects_path=DIR, base=full|static_bearing",
     "compare": "campaign=DIR, model=FILE.yaml, output=DIR, base=full|static_bearing, modes=N, effects=[NAME,...], "
@@ -54,7 +54,7 @@ OPTIONS = {
     "paper": "output=DIR",
     "template": "output=DIR",
     "report": "output=DIR or store=s3://BUCKET/PREFIX",
-    "journal": "output=DIR or store=ADDRESS",
+    "journal": "output=DIR or store=s3://BUCKET/PREFIX",
     "status": "output=DIR or store=s3://BUCKET/PREFIX, format=text|json",
     "verify": "output=DIR or store=s3://BUCKET/PREFIX, repair=true, effects_path=DIR",
     "pack": "output=DIR",

@@ -23,7 +23,9 @@ def _adds(effect: type[Effect]) -> str:
 def _section(effect: type[Effect]) -> str:
     parts = [f"\n## {effect.name()}\n", as_markdown(inspect.getdoc(effect) or ""), "\n", _parameters(effect)]
     if effect.settings:
-        rows = ([f"`{one.name}`", one.doc, ", ".join(f"`{choice}`" for choice in one.choices)] for one in effect.settings)
+        rows = (
+            [f"`{one.name}`", one.doc, ", ".join(f"`{choice}`" for choice in one.choices)] for one in effect.settings
+        )
         parts.append(table(["choice", "meaning", "allowed"], rows))
     values = (CONFIGS / EFFECTS / f"{effect.name()}.yaml").read_text(encoding="utf-8")
     return "\n".join([*parts, f"`configs/effects/{effect.name()}.yaml`\n", block(values, "yaml")])

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import pieces
+from pipeline import figures, pieces
 from pipeline.__main__ import main
 from tests.documentation.commands import HOW_TO, ROOT, Block, blocks, words_of
 
@@ -43,24 +43,30 @@ def _alike(one: str, other: str) -> bool:
         return one == other or ("," in one and alike(one.replace(",", " "), other.replace(",", " ")))
 
 
-def follow(page: list[Block], folder: Path) -> None:
+def outcome(block: Block, namespace: dict[str, object]) -> str:
+    """Run a block and return what it prints; names of Python blocks live on in the namespace."""
+    said = io.StringIO()
+    with redirect_stdout(said), redirect_stderr(said):
+        if block.language == "python":
+            exec(block.text, namespace)
+        else:
+            for line in block.lines:
+                shell(line)
+    return said.getvalue()
+
+
+def follow(page: list[Block]) -> None:
     """Do what a page says, block by block."""
-    printed, namespace = "", {}
+    printed, namespace, answered = "", {}, True
     for block in page:
         if block.mark.startswith("file: "):
-            (folder / block.mark.removeprefix("file: ")).write_text(block.text)
-        elif block.language == "text":
+            Path(block.mark.removeprefix("file: ")).write_text(block.text)
+        elif block.language in ("sh", "python"):
+            answered = block.is_run
+            printed += outcome(block, namespace) if answered else ""
+        elif block.language == "text" and answered:
             for line in block.text.splitlines():
                 assert any(alike(line, other) for other in printed.splitlines()), (line, printed)
-        elif block.language in ("sh", "python") and block.is_run:
-            out = io.StringIO()
-            with redirect_stdout(out), redirect_stderr(out):
-                if block.language == "python":
-                    exec(block.text, namespace)
-                else:
-                    for line in block.lines:
-                        shell(line)
-            printed += out.getvalue()
 
 
 @pytest.mark.parametrize("page", HOW_TO, ids=lambda page: page.stem)
@@ -70,7 +76,9 @@ def test_a_how_to_does_what_it_says(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     # Lobes are drawn coarsely: no number hangs on them, and they would take half of the time.
     monkeypatch.setattr(pieces, "field", partial(pieces.field, grid=(40, 12), coarse_grid=(20, 6)))
-    follow(blocks(page), tmp_path)
+    # A study's figures take longer than the study, and are drawn in tests of their own.
+    monkeypatch.setattr(figures, "write", lambda lobes, folder, preload: [])
+    follow(blocks(page))
 
 
 def test_lines_are_alike_up_to_the_last_digit_of_their_numbers():

@@ -1,8 +1,9 @@
 """The commands ``diagnose`` and ``improve`` on real cuts: everything is written and agrees; bad input is told."""
 
 import csv
+import io
 import json
-from pathlib import Path
+from contextlib import redirect_stdout
 
 import numpy as np
 import pandas as pd
@@ -12,17 +13,33 @@ import yaml
 from pipeline import improvement_figure, improvement_page
 from pipeline.__main__ import main
 from pipeline.comparison_page import PLOTTED
+from tests.documentation.commands import ROOT, answer_below, asked_for
 
-CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
+CAMPAIGNS = ROOT / "tests" / "data" / "campaigns"
+PAGE = ROOT / "docs" / "how_to" / "cuts.md"
 VERDICTS = ("none", "effect", "ambiguous", "unexplained", "underpowered")
 
 
 @pytest.fixture(scope="module")
-def improved(tmp_path_factory):
-    """What ``improve`` leaves of the real cuts in up-milling."""
+def improvement(tmp_path_factory):
+    """What ``improve`` leaves and prints of the real cuts in up-milling, as docs/how_to/cuts.md asks for it."""
     output = tmp_path_factory.mktemp("improve") / "r01"
-    assert main(["improve", f"campaign={CAMPAIGNS / 'r01'}", f"output={output}", "cluster=serial"]) == 0
-    return output
+    said = io.StringIO()
+    with pytest.MonkeyPatch.context() as patched, redirect_stdout(said):
+        patched.chdir(ROOT)
+        assert main([*asked_for(PAGE, "improve"), f"output={output}", "cluster=serial"]) == 0
+    return output, said.getvalue()
+
+
+@pytest.fixture(scope="module")
+def improved(improvement):
+    return improvement[0]
+
+
+def test_the_first_step_is_the_diagnosis_that_the_page_quotes(improvement):
+    assert asked_for(PAGE, "improve")[1:] == asked_for(PAGE, "diagnose")[1:] == ["campaign=tests/data/campaigns/r01"]
+    for line in answer_below(PAGE, "diagnose").splitlines():
+        assert line in improvement[1]
 
 
 def test_a_diagnosis_has_one_of_five_answers_and_its_reasons(improved):
