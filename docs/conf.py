@@ -18,7 +18,8 @@ smartquotes = False
 # Terminals and text diagrams stand in blocks without a language.
 highlight_language = "none"
 
-autodoc_typehints_format = "short"
+# Shapes and units, which docstrings give, say more than types of arrays do.
+autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 python_maximum_signature_line_length = 80
 
@@ -28,6 +29,9 @@ html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sourcelink = False
 html_show_copyright = False
+# Summaries are fetched, which a browser refuses to pages that lie in a folder.
+html_show_search_summary = False
+html_context = {"default_mode": "auto"}
 html_theme_options = {
     "navbar_align": "left",
     "navigation_with_keys": False,

@@ -38,7 +38,8 @@ def site(tmp_path_factory) -> dict[Path, Html]:
     words = ["--fail-on-warning", "--quiet", "--doctree-dir", str(folder / "doctrees"), "docs", str(folder / "site")]
     done = subprocess.run([sys.executable, "-m", "sphinx", *words], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    return {page: Html(page) for page in (folder / "site").rglob("*.html")}
+    pages = (page for page in (folder / "site").rglob("*.html") if "_static" not in page.parts)
+    return {page: Html(page) for page in pages}
 
 
 def test_every_link_leads_to_a_place_of_a_page(site):
