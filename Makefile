@@ -8,7 +8,7 @@ SEEDS  ?= test
 FOLDER ?= results/blind
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep dataset point compare diagnose improve predict identify paper tutorial template report contrast journal status verify pack s3 bench scale blind soak slurm test clean
+.PHONY: help run sweep dataset point compare diagnose improve predict identify paper tutorial template report contrast journal status verify pack s3 bench scale blind soak slurm docs test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -94,6 +94,10 @@ slurm: $(VENV)/.installed-test $(VENV)/.debian ## a study in a job of a SLURM on
 fuzz: $(VENV)/.installed-test ## mutated files and words by the thousand, each read or told in sentences (some minutes)
 	FUZZ_EXAMPLES=5000 $(BIN)/pytest -n 2 tests/property/test_hostile_*.py $(ARGS)
 
+docs: $(VENV)/.installed-docs ## the documentation as pages for a browser, into build/docs; nothing in them is fetched from a network
+	$(BIN)/python -m sphinx --fail-on-warning --quiet --fresh-env --doctree-dir build/doctrees docs build/docs
+	@echo "open build/docs/index.html"
+
 test: $(VENV)/.installed-test $(VENV)/.debian ## style, types, import contracts and all tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -114,6 +118,10 @@ $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 
 $(VENV)/.installed-test: pyproject.toml constraints.txt | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
+	@touch $@ $(VENV)/.installed
+
+$(VENV)/.installed-docs: pyproject.toml constraints.txt | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'
 	@touch $@ $(VENV)/.installed
 
 # A SLURM, an MPI and a browser to test with, from Debian's packages. Who is not root does without: those tests then say what they need.

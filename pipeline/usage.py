@@ -118,10 +118,10 @@ def _groups(names: tuple[str, ...]) -> list[str]:
 def _options(kind: type[Options], names: list[str]) -> list[str]:
     fields = kind.fields()
     needed_first = sorted(names, key=lambda name: not fields[name].is_required())
-    return [_entry(f"{name}={kind.shape_of(name)}", _meaning(fields[name]), COLUMN) for name in needed_first]
+    return [_entry(f"{name}={kind.shape_of(name)}", meaning(fields[name]), COLUMN) for name in needed_first]
 
 
-def _meaning(field: FieldInfo) -> str:
+def meaning(field: FieldInfo) -> str:
     """Return meaning, bounds and default of an option."""
     words = [field.description or "", *_bounds(field)]
     if field.is_required():

@@ -1,9 +1,9 @@
 """The commands ``diagnose`` and ``improve`` on real cuts: everything is written and agrees; bad input is told."""
 
 import csv
+import io
 import json
-from contextlib import redirect_stdout
-from io import StringIO
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import numpy as np
@@ -14,20 +14,34 @@ import yaml
 from pipeline import improvement_figure, improvement_page
 from pipeline.__main__ import main
 from pipeline.comparison_page import PLOTTED
+from tests.documentation.commands import ROOT, answer_below, asked_for
 
-CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
+CAMPAIGNS = ROOT / "tests" / "data" / "campaigns"
+PAGE = ROOT / "docs" / "how_to" / "cuts.md"
 VERDICTS = ("none", "effect", "ambiguous", "unexplained", "underpowered")
 
 
 @pytest.fixture(scope="module")
-def improved(tmp_path_factory):
-    """What ``improve`` leaves of the real cuts in up-milling."""
+def improvement(tmp_path_factory):
+    """What ``improve`` leaves and prints of the real cuts in up-milling, as docs/how_to/cuts.md asks for it."""
     output = tmp_path_factory.mktemp("improve") / "r01"
-    with redirect_stdout(StringIO()) as told:
-        words = [f"campaign={CAMPAIGNS / 'r01'}", f"output={output}", "cluster=serial", "format=json"]
-        assert main(["improve", *words]) == 0
+    told, said = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patched, redirect_stdout(told), redirect_stderr(said):
+        patched.chdir(ROOT)
+        assert main([*asked_for(PAGE, "improve"), f"output={output}", "cluster=serial", "format=json"]) == 0
     (output / "told.json").write_text(told.getvalue())
-    return output
+    return output, said.getvalue()
+
+
+@pytest.fixture(scope="module")
+def improved(improvement):
+    return improvement[0]
+
+
+def test_the_first_step_is_the_diagnosis_that_the_page_quotes(improvement):
+    assert asked_for(PAGE, "improve")[1:] == asked_for(PAGE, "diagnose")[1:] == ["campaign=tests/data/campaigns/r01"]
+    for line in answer_below(PAGE, "diagnose").splitlines():
+        assert line in improvement[1]
 
 
 def test_scripts_are_told_what_was_added_and_the_last_diagnosis(improved):

@@ -5,7 +5,6 @@ import importlib.util
 import io
 import json
 import re
-import shlex
 import shutil
 from contextlib import redirect_stdout
 from dataclasses import dataclass
@@ -16,12 +15,13 @@ import pytest
 
 from pipeline import pieces
 from pipeline.__main__ import main
+from tests.documentation.commands import ROOT, blocks, words_of
 from tests.pipeline.browser import needs_chromium, opened
 
-ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "docs" / "examples"
 CAMPAIGN = EXAMPLES / "paper_campaign"
-TEXT = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
+PAGE = ROOT / "docs" / "tutorial.md"
+TEXT = PAGE.read_text(encoding="utf-8")
 PROSE = " ".join(TEXT.split())
 #: Commands that have workers of their own: here they stay in this process, which changes no answer.
 SPREAD = ("compare", "diagnose", "improve")
@@ -59,11 +59,10 @@ class Told:
 
 
 def commands() -> list[list[str]]:
-    """Return the words of every command in the tutorial, without those that start the program."""
-    blocks = "".join(re.findall(r"```sh\n(.*?)```", TEXT, re.DOTALL)).replace("\\\n", " ")
-    lines = [shlex.split(line) for line in blocks.splitlines()]
-    assert all(line[:3] == ["python", "-m", "pipeline"] for line in lines)
-    return [line[3:] for line in lines]
+    """Return the words of every command in the tutorial."""
+    found = [words_of(line) for block in blocks(PAGE) if block.language == "sh" for line in block.lines]
+    assert None not in found
+    return found
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,85 @@
+"""Every command on every page is one that the program understands: its words are read, and nothing is computed."""
+
+import re
+import subprocess
+
+import pytest
+
+from pipeline import dataset, predict, sweep
+from pipeline.__main__ import OPTIONS, VERBS
+from pipeline.campaigns import WORDS
+from pipeline.configuration import sort_words
+from pipeline.judging import JudgingOptions
+from pipeline.point import PointOptions
+from tests.documentation.commands import PAGES, ROOT, code, words_of
+
+EXAMPLES = ROOT / "docs" / "examples"
+#: What stands for files and names that the reader has.
+OF_THE_READER = {
+    "machine": EXAMPLES / "notebooks" / "machine.yaml",
+    "design": ROOT / "configs" / "design" / "sensitivity.yaml",
+    "effects_path": EXAMPLES / "own_effects",
+    "study": "reference",
+}
+#: Verbs whose words make the settings of a study.
+STUDIES = {"sweep": sweep, "dataset": dataset}
+COMMANDS = {
+    f"{page.stem}: {' '.join(words)}": words for page in PAGES for line in code(page) if (words := words_of(line))
+}
+MADE = sorted({found[1] for page in PAGES for line in code(page) if (found := re.match(r"\s*(make [a-z].*)", line))})
+
+
+def options_of(verb: str) -> set[str]:
+    """Return the options that the command line's help tells of a verb."""
+    told = OPTIONS[verb]
+    if told.startswith("as "):
+        return options_of(told.removeprefix("as "))
+    return {found[0] for option in re.split(r", | or ", told) if (found := re.match(r"[a-z_]+", option))}
+
+
+def with_own_files(word: str) -> str:
+    """Return a word with something that is there in the place of what the reader has."""
+    key, _, value = word.partition("=")
+    own = value.endswith(".yaml") or value == "NAME" or key == "effects_path"
+    return f"{key}={OF_THE_READER[key]}" if own and key in OF_THE_READER else word
+
+
+def assert_understood(words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Raise InvalidInput where the program would not take these words; studies are composed, and not computed."""
+    verb, rest = words[0], [with_own_files(word) for word in words[1:] if word not in ("||", "true")]
+    if verb in STUDIES:
+        monkeypatch.setattr(STUDIES[verb], "execute_words", lambda *args, **options: 0)
+        assert STUDIES[verb].run(rest) == 0
+    else:
+        assert verb in VERBS
+        sort_words(rest, tuple(options_of(verb)))
+
+
+@pytest.mark.parametrize("words", COMMANDS.values(), ids=COMMANDS.keys())
+def test_words_of_a_page_are_understood(words, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    if words == ["--help"] or "VERB" in words:
+        return
+    assert_understood(words, monkeypatch)
+
+
+@pytest.mark.parametrize("line", MADE)
+def test_targets_of_a_page_are_there_and_run_what_is_understood(line, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    target, *rest = re.split(r"\s+#|\s{2,}", line.strip("`"))[0].removeprefix("make ").split(" ", 1)
+    command = f"make --dry-run {target} {' '.join(rest)}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    for made in done.stdout.replace("\\\n", " ").splitlines():
+        if (words := words_of(made)) is not None:
+            assert_understood(words, monkeypatch)
+
+
+def test_help_tells_every_option():
+    assert set(OPTIONS) == set(VERBS)
+    campaign = {*JudgingOptions.model_fields, *WORDS}
+    assert options_of("sweep") == set(sweep.OPTIONS)
+    assert options_of("dataset") == {*dataset.OPTIONS, "design", "vary"}
+    assert options_of("point") == {*PointOptions.model_fields, *WORDS, "base"}
+    assert options_of("compare") == options_of("diagnose") == options_of("improve") == campaign
+    assert options_of("predict") == {*predict.PredictOptions.model_fields, *WORDS}
