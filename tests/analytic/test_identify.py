@@ -126,7 +126,7 @@ def test_the_library_finds_the_same_poles_where_there_is_no_noise():
         assert np.any((distance[0] < 2e-3) & (distance[1] < 0.15))
 
 
-SETS = 200
+SETS = 100
 FEW = HERTZ * np.arange(400.0, 2800.1, 8.0)
 
 
@@ -153,7 +153,7 @@ def test_stated_intervals_cover_the_truth_as_often_as_they_say(repeated, level):
 
 
 def test_estimates_have_no_bias_beside_their_deviation(repeated):
-    # The mean of two hundred errors is normal with 1/sqrt(200): 3.3 of it in one of 1000.
+    # The mean of a hundred errors is normal with 1/sqrt(100): 3.3 of it in one of 1000.
     assert np.all(np.abs(z_scores(repeated).mean(axis=0)) < 3.3 / np.sqrt(SETS))
 
 
