@@ -147,7 +147,7 @@ def test_what_a_budget_left_out_is_no_part_of_a_report(tmp_path, monkeypatch):
     assert f"| pending | {pending} |" in (tmp_path / "card.md").read_text()
 
 
-def test_measured_modes_vary_too_and_more_than_there_are_is_told_before_anything_is_computed(tmp_path, capsys):
+def test_more_modes_than_were_measured_are_told_before_anything_is_computed(tmp_path, capsys):
     machine = tmp_path / "machine.yaml"
     machine.write_text(
         "tip: {modes: [{axis: x, natural_frequency_hz: 922, damping_ratio: 0.011, stiffness_n_um: 1.34}]}\n"
