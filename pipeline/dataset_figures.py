@@ -55,7 +55,8 @@ def limits_over_speed(data: xr.Dataset) -> Figure:
             below, above = quantiles(limit, (low, high))
             axes.fill_between(speed, below, above, color=COLOURS[0], alpha=0.25, label=f"{low:.0%} to {high:.0%}")
         axes.plot(speed, quantiles(limit, (0.5,))[0], color=COLOURS[0], label="median of all cuts")
-        axes.set_yscale("log")
+        # An axis of nothing, where no cut is computed yet, has no logarithm.
+        axes.set_yscale("linear" if np.isnan(limit).all() else "log")
         axes.legend(frameon=False)
     axes.set_xlabel("spindle speed [rpm]")
     axes.set_ylabel("limit depth [mm]")

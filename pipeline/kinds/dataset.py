@@ -14,7 +14,7 @@ from chatter_core.floquet import MethodSettings
 from chatter_core.machine import Machine
 from chatter_core.reading import sentences
 from chatter_core.stages import Stages
-from chatter_core.tip import AXES
+from chatter_core.tip import AXES, most_modes
 from chatter_core.units import SUFFIXES
 from chatter_core.variables import CUT_STATUS, DATASET, DATASET_INPUTS
 from pipeline.chunks import Chunk
@@ -84,6 +84,10 @@ class Dataset(Kind):
         Raises InvalidInput where a machine of the design cannot be.
         """
         design = settings.design
+        tip = settings.machine.tip
+        if tip is not None and design.mode_count > most_modes(tip):
+            found = f"found {design.mode_count}, allowed: at most {most_modes(tip)}, the modes that tip has on an axis"
+            raise InvalidInput([f"design.mode_count: {found}"])
         drawn = draw(design, settings.base)
         machines, cuts = drawn.cuts.shape[:2]
         of_machines = np.repeat(drawn.machines[:, None], cuts, axis=1)

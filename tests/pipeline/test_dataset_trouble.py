@@ -145,3 +145,17 @@ def test_what_a_budget_left_out_is_no_part_of_a_report(tmp_path, monkeypatch):
     page = (tmp_path / "report.html").read_text()
     assert f"{pending} of 120 cuts and speeds have no result: pending." in page
     assert f"| pending | {pending} |" in (tmp_path / "card.md").read_text()
+
+
+def test_more_modes_than_were_measured_are_told_before_anything_is_computed(tmp_path, capsys):
+    machine = tmp_path / "machine.yaml"
+    machine.write_text(
+        "tip: {modes: [{axis: x, natural_frequency_hz: 922, damping_ratio: 0.011, stiffness_n_um: 1.34}]}\n"
+        "tool: {teeth: 4, diameter_mm: 16, helix_angle_deg: 30, rake_angle_deg: 10}\n"
+        "cutting: {kt_mpa: 900, kn: 0.3, friction_coefficient: 0.2}\n"
+        "process: {direction: down, radial_immersion: 0.4, feed_per_tooth_mm: 0.08}\n"
+    )
+    words = ["dataset", "study=parameter_study", f"machine={machine}", "vary.tip.modes[0].stiffness_n_um=[1, 2]"]
+    assert main([*words, f"output={tmp_path / 'new'}"]) == 2
+    assert "design.mode_count: found 4, allowed: at most 1, the modes that tip has" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
