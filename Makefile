@@ -8,7 +8,7 @@ SEEDS  ?= test
 FOLDER ?= results/blind
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep dataset point compare diagnose improve predict identify paper tutorial template report journal status verify pack s3 bench scale blind soak slurm docs test clean
+.PHONY: help run sweep dataset point compare diagnose improve predict identify paper tutorial template report contrast journal status verify pack s3 bench scale blind soak slurm docs test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -56,6 +56,9 @@ template: $(VENV)/.installed ## an empty measurement campaign to fill in, by ARG
 report: $(VENV)/.installed ## write tables, figures and page of a finished study again, by ARGS=output=DIR
 	$(BIN)/python -m pipeline report $(ARGS)
 
+contrast: $(VENV)/.installed ## two studies held against each other, by ARGS="first=DIR second=DIR"
+	$(BIN)/python -m pipeline contrast $(ARGS)
+
 journal: $(VENV)/.installed ## what happened in the runs of a study, by ARGS=output=DIR
 	$(BIN)/python -m pipeline journal $(ARGS)
 
@@ -80,7 +83,8 @@ scale: $(VENV)/.installed-test ## what 2 thousand to 200 thousand chunks cost be
 blind: $(VENV)/.installed ## hidden effects diagnosed blind and judged, into FOLDER (many hours; goes on where it was interrupted)
 	$(BIN)/python -m benchmarks.blind $(SEEDS) $(FOLDER) $(ARGS)
 
-soak: $(VENV)/.installed-test ## a study of 2000 chunks killed 20 times and resumed, into results/soak (some minutes)
+soak: $(VENV)/.installed-test ## 100 flipped bits of a store found; a study of 2000 chunks killed 20 times and resumed, into results/soak (some minutes)
+	FLIPS=100 $(BIN)/pytest -q tests/pipeline/test_verify.py -k flip
 	rm -rf results/soak
 	$(BIN)/python -m tests.soak results/soak $(ARGS)
 

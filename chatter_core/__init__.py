@@ -8,6 +8,7 @@ from typing import Any
 
 _AT_HAND = {
     "read_machine": "chatter_core.reading",
+    "read_campaign": "chatter_core.evidence",
     "stability_lobes": "chatter_core.interactive",
     "Lobes": "chatter_core.interactive",
 }

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from chatter_core.cards import Card, ShownAsCard
 from chatter_core.chain import structure_variables
 from chatter_core.effects import activate, apply_effects
 from chatter_core.errors import InvalidInput
@@ -27,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Lobes:
+class Lobes(ShownAsCard):
     """Lobes of a machine over spindle speed, and the structure that they come from.
 
     spindle_speed_rpm (speed,); limit_depth_mm (speed, crossing): stability is lost at the first, third, ..., regained
@@ -49,17 +50,21 @@ class Lobes:
         """The shallowest limit depth of each speed (speed,), NaN where the cut is stable down to the deepest."""
         return self.limit_depth_mm[:, 0]
 
-    def __repr__(self) -> str:
+    def card(self) -> Card:
+        """Return the shallowest and the deepest limit, and what chatters there."""
         speed, limit = self.spindle_speed_rpm, self.first_limit_mm
-        lines = [f"Lobes at {len(speed)} spindle speeds, {speed[0]:g} to {speed[-1]:g} rpm"]
-        if np.isfinite(limit).any():
-            least, most = int(np.nanargmin(limit)), int(np.argmax(np.nan_to_num(limit, nan=self.deepest_mm)))
-            lines.append(f"  shallowest limit {limit[least]:.3g} mm at {speed[least]:g} rpm")
-            reached = f"{limit[most]:.3g} mm" if np.isfinite(limit[most]) else f"more than {self.deepest_mm:g} mm"
-            lines.append(f"  deepest limit {reached} at {speed[most]:g} rpm")
-        else:
-            lines.append(f"  stable down to {self.deepest_mm:g} mm")
-        return "\n".join(lines)
+        title = f"Lobes at {len(speed)} spindle speeds, {speed[0]:g} to {speed[-1]:g} rpm"
+        if not np.isfinite(limit).any():
+            return Card(title=title, rows=((f"stable down to {self.deepest_mm:g} mm",),))
+        least, most = int(np.nanargmin(limit)), int(np.argmax(np.nan_to_num(limit, nan=self.deepest_mm)))
+        return Card(title=title, rows=(self._row("shallowest", least), self._row("deepest", most)))
+
+    def _row(self, name: str, at: int) -> tuple[str, ...]:
+        limit, speed = self.first_limit_mm[at], f"at {self.spindle_speed_rpm[at]:g} rpm"
+        if not np.isfinite(limit):
+            return f"{name} limit", f"more than {self.deepest_mm:g} mm", speed, ""
+        chatter = f"mode {self.dominant_mode[at]} at {self.chatter_frequency_hz[at]:.4g} Hz"
+        return f"{name} limit", f"{limit:.3g} mm", speed, chatter
 
 
 def stability_lobes(

@@ -12,12 +12,15 @@ from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
+from chatter_core.cards import Card, ShownAsCard
 from chatter_core.units import si_factor
 
 #: A position counts as on the shaft when it misses its end by less than this [m].
 POSITION_TOLERANCE = 1e-9
 #: Bearing seats are apart by this at least [m]; bores are this share of the outer diameter at most.
 CLOSEST_SEATS, THINNEST_BORE = 1e-3, 0.999
+#: Measured modes that a machine shows of itself.
+MODES_SHOWN = 4
 #: Bounds of the axial preload of a single bearing [N].
 LEAST_PRELOAD, MOST_PRELOAD = 0.1, 1e6
 
@@ -350,7 +353,7 @@ class Process(Description):
         return self
 
 
-class Machine(Description):
+class Machine(ShownAsCard, Description):
     """A machine and its cut: either bearing and spindle, or measured tip modes."""
 
     bearing: Bearing | None = Field(default=None, description="bearing type of every seat")
@@ -369,6 +372,32 @@ class Machine(Description):
                 f"a machine takes either bearing and spindle, or tip; found: {', '.join(found) or 'none of them'}"
             )
         return self
+
+    def card(self) -> Card:
+        """Return what people look for first, in the units of the shop."""
+        tool, process = self.tool.described(), self.process.described()
+        cut = (
+            ("tool", f"{tool['teeth']} teeth, {tool['diameter_mm']:g} mm, helix {tool['helix_angle_deg']:g} deg"),
+            ("cutting", ", ".join(f"{key} {value:g}" for key, value in self.cutting.described().items())),
+            ("process", ", ".join(f"{key} {value}" for key, value in process.items())),
+        )
+        return Card(title="Machine", rows=(*self._rows_of_modes(), *cut))
+
+    def _rows_of_modes(self) -> tuple[tuple[str, str], ...]:
+        if self.bearing is None or self.spindle is None:
+            modes = [mode.described() for mode in self.tip.modes] if self.tip else []
+            told = ", ".join(f"{mode['axis']} {mode['natural_frequency_hz']:g} Hz" for mode in modes[:MODES_SHOWN])
+            more = f" and {len(modes) - MODES_SHOWN} more" if len(modes) > MODES_SHOWN else ""
+            return (("tip", f"measured modes: {told}{more}"),)
+        bearing, spindle = self.bearing.described(), self.spindle.described()
+        seats = ", ".join(f"{seat['count']} at {seat['position_mm']:g} mm" for seat in spindle["bearings"])
+        balls = f"{bearing['ball_count']} balls of {bearing['ball_diameter_mm']:g} mm"
+        length = self.spindle.length / si_factor("x_mm")
+        return (
+            ("bearings", f"{seats}; {balls} on {bearing['pitch_diameter_mm']:g} mm"),
+            ("preload", f"{spindle['preload_n']:g} N on each, {spindle['preload_type']}"),
+            ("rotor", f"{length:g} mm in {len(spindle['sections'])} sections"),
+        )
 
     def with_preload(self, preload: float) -> "Machine":
         """Return the machine with another axial preload [N] on every single bearing."""

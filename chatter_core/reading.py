@@ -88,7 +88,7 @@ def load_yaml(path: Path) -> dict[str, Any]:
             raise InvalidInput([f"{path}: larger than {LARGEST_FILE} bytes, which no description needs"])
         content = yaml.load(path.read_text(encoding="utf-8-sig"), _PlainLoader)
     except FileNotFoundError:
-        raise InvalidInput([f"{path}: no such file{_near_file(path)}"]) from None
+        raise InvalidInput([f"{path}: no such file{near_path(path)}"]) from None
     except UnicodeDecodeError as error:
         raise InvalidInput([f"{path}: is no UTF-8 text, byte {error.start} cannot be read"]) from None
     except OSError as error:
@@ -133,13 +133,17 @@ def nearest(word: str, allowed: list[str]) -> str:
     return f"did you mean {close[0]}?" if close else f"allowed: {', '.join(allowed)}"
 
 
-def _near_file(path: Path) -> str:
+def near_path(path: Path) -> str:
+    """Return a hint, to be put behind a sentence, at what is there of a name near to that of a path that is not."""
+    missing = next((one for one in reversed((path, *path.parents)) if not one.exists()), None)
+    if missing is None:
+        return ""
     try:
-        names = [entry.name for entry in path.parent.iterdir()]
+        names = sorted(entry.name for entry in missing.parent.iterdir())
     except OSError:
         return ""
-    close = difflib.get_close_matches(path.name, names, n=1)
-    return f"; did you mean {path.parent / close[0]}?" if close else ""
+    close = difflib.get_close_matches(missing.name, names, n=1)
+    return f"; did you mean {missing.parent / close[0] / path.relative_to(missing)}?" if close else ""
 
 
 def _sentence(finding: dict[str, Any], model: type[BaseModel]) -> str:

@@ -2,10 +2,9 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from chatter_core.effects import Effect, effect_class
 from chatter_core.errors import InvalidInput
@@ -14,27 +13,15 @@ from chatter_core.evidence.belief import PRIORS, Belief
 from chatter_core.evidence.campaign import MACHINE_FILE
 from chatter_core.machine import Machine
 from chatter_core.parameters import Array, Parameter
-from chatter_core.reading import printable, sentences, shown
+from chatter_core.reading import printable, shown
 from chatter_core.stages import Stages
 from chatter_core.tip import most_modes
 from pipeline import model_file
-from pipeline.configuration import EFFECTS, EFFECTS_PATH, Words, compose_settings
+from pipeline.configuration import EFFECTS_PATH, Words, compose_settings
 from pipeline.settings import Cluster, Settings
-
-#: Words that every verb of a campaign takes beside its options.
-WORDS = (EFFECTS, EFFECTS_PATH)
-
-
-class CampaignOptions(BaseModel):
-    """Which campaign, seen through which model."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-    campaign: Path = Field(description="folder of the campaign")
-    model: Path | None = Field(default=None, description="calibrated model; without it machine.yaml as it stands")
-    base: Literal["full", "static_bearing"] = Field(default="full", description="what the base model holds")
-    modes: int | None = Field(default=None, ge=1, le=100, description="modes of each axis that the base model keeps")
-
+from pipeline.shipped import EFFECTS
+from pipeline.telling import remark
+from pipeline.verbs.campaigns import CampaignOptions
 
 Options = TypeVar("Options", bound=CampaignOptions)
 
@@ -72,7 +59,7 @@ def _no_speed(spindle_speed: Array, modal_parameters: str) -> Array:
     return np.zeros_like(spindle_speed)
 
 
-def options_of(words: Words, kind: type[Options], verb: str) -> Options:
+def options_of(words: Words, kind: type[Options]) -> Options:
     """Return the options of a verb.
 
     Raises InvalidInput for a missing or wrong option, and for words that belong to other verbs: the campaign's
@@ -81,15 +68,10 @@ def options_of(words: Words, kind: type[Options], verb: str) -> Options:
     foreign = [*(key for key in words.choices if key != "cluster"), *(["machine"] if words.machine_file else [])]
     keys = [word.partition("=")[0] for word in words.values]
     foreign += [key for key in keys if key.split(".")[0] not in ("cluster", EFFECTS)]
-    problems = [f"{key}: is empty; allowed: a path" for key, value in words.options.items() if not value]
-    if problems:
-        raise InvalidInput(problems)
     if foreign:
-        raise InvalidInput([f"{word}: not for {verb}, which takes the campaign's own machine.yaml" for word in foreign])
-    try:
-        options = kind.model_validate({key: value for key, value in words.options.items() if key not in WORDS})
-    except ValidationError as error:
-        raise InvalidInput(sentences(error, kind)) from None
+        instead = f"not for {kind.verb()}, which takes the campaign's own machine.yaml"
+        raise InvalidInput([f"{word}: {instead}" for word in foreign])
+    options = kind.read(words.options)
     if options.model is not None:
         given = [key for key in ("base", "modes", EFFECTS) if key in words.options]
         if given:
@@ -117,7 +99,7 @@ def read(options: CampaignOptions, words: Words) -> Asked:
     else:
         belief = _as_configured(settings)
     for line in remarks(campaign):
-        print(line)
+        remark(line)
     name = printable(options.campaign.resolve().name)
     return Asked(name=name, model=model, belief=belief, content=content, cluster=settings.cluster)
 
@@ -125,7 +107,11 @@ def read(options: CampaignOptions, words: Words) -> Asked:
 def _settings_of(words: Words, machine_file: Path) -> Settings:
     """Return the settings that the words make on the campaign's own machine."""
     return compose_settings(
-        replace(words, options={k: v for k, v in words.options.items() if k in WORDS}, machine_file=machine_file)
+        replace(
+            words,
+            options={key: said for key, said in words.options.items() if key in (EFFECTS, EFFECTS_PATH)},
+            machine_file=machine_file,
+        )
     )
 
 

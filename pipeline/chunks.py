@@ -10,6 +10,14 @@ import numpy as np
 #: Most cells and chunks of a piece that is read at once [cells, chunks].
 PIECE_CELLS, PIECE_CHUNKS = 1_000_000, 1000
 
+#: Chunks that a study has where their size allows: every core is busy to the end, and progress is smooth.
+ENOUGH = 32
+
+
+def usual_cells(total: int, least: int, most: int) -> int:
+    """Return how many cells a chunk of a study has for which nothing is said: of so many, within bounds."""
+    return min(max(total // ENOUGH, least), most)
+
 
 @dataclass(frozen=True, kw_only=True, order=True)
 class Chunk:

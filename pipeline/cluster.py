@@ -2,7 +2,6 @@
 
 import logging
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -19,6 +18,7 @@ from chatter_core.errors import InvalidInput
 from pipeline.errors import WorkersLost
 from pipeline.queue_jobs import open_queue
 from pipeline.settings import Cluster
+from pipeline.telling import note
 
 #: Seconds to wait for a scheduler to answer.
 SCHEDULER_PATIENCE = 60
@@ -82,19 +82,24 @@ class SmallScheduler(SchedulerPlugin):  # type: ignore[misc]
             span._metadata = None
 
 
-class DeafToInterrupts(WorkerPlugin):  # type: ignore[misc]
-    """Let a worker process finish its chunk when Ctrl-C reaches the whole terminal: the driver decides."""
+#: What a terminal sends to all that was started from it: Ctrl-C, and that it is closed.
+OF_TERMINALS = (signal.SIGINT, signal.SIGHUP)
 
-    name = "deaf-to-interrupts"
+
+class DeafToTerminals(WorkerPlugin):  # type: ignore[misc]
+    """Let a worker process finish its chunk when Ctrl-C reaches the whole terminal, or its end: the driver decides."""
+
+    name = "deaf-to-terminals"
 
     def setup(self, worker: Any) -> None:
-        """Ignore SIGINT in the worker's process."""
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        """Ignore what a terminal sends in the worker's process."""
+        for number in OF_TERMINALS:
+            signal.signal(number, signal.SIG_IGN)
 
 
 @contextmanager
 def _starting_deaf() -> Iterator[None]:
-    """Let processes that start meanwhile ignore SIGINT from their first moment: they inherit it.
+    """Let processes that start meanwhile ignore what a terminal sends from their first moment: they inherit it.
 
     A worker that Ctrl-C hits before its plugin is there would end in a traceback. For the second or
     two that this takes the driver does not hear Ctrl-C either.
@@ -102,11 +107,12 @@ def _starting_deaf() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in OF_TERMINALS}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class Workers:
@@ -194,7 +200,7 @@ def _local(cluster: Cluster) -> Iterator[Client]:
             )
             client = started.enter_context(Client(local))
         if processes:
-            client.register_plugin(DeafToInterrupts())
+            client.register_plugin(DeafToTerminals())
         yield client
 
 
@@ -227,9 +233,7 @@ def _await_worker(client: Client, patience: float, stopping: Callable[[], bool],
         said = told()
         if now - word >= WORD_INTERVAL:
             word = now
-            print(
-                f"waiting for the first worker, {now - began:.0f} s of {patience:g}{said}", file=sys.stderr, flush=True
-            )
+            note(f"waiting for the first worker, {now - began:.0f} s of {patience:g}{said}")
         time.sleep(FIRST_LOOK)
 
 

@@ -6,12 +6,13 @@ from pathlib import Path
 from chatter_core.evidence import CampaignModel, Comparison, calibrate
 from chatter_core.evidence.assessment import Assessment, as_described, assess
 from chatter_core.evidence.belief import Belief, fitted
-from pipeline import comparison_page, judging, model_file
+from pipeline import comparison_document, comparison_page, judging, model_file
 from pipeline.campaigns import Asked
 from pipeline.cluster import Workers
 from pipeline.jobs import Job, spread_parts
 from pipeline.judging import MODEL, Verb
 from pipeline.pieces import held_out_jobs, interval_jobs, intervals, lobe_jobs
+from pipeline.verbs.campaigns import CompareOptions
 
 
 def run(words: list[str]) -> int:
@@ -69,11 +70,12 @@ def compute(workers: Workers | None, comparison: Comparison, belief: Belief) -> 
 
 
 VERB = Verb(
-    name="compare",
+    options=CompareOptions,
     files=(*comparison_page.FILES, MODEL),
     check=anything_will_do,
     compute=_compare,
     write=_write,
     summary=comparison_page.summary,
+    facts=lambda found, campaign: {"comparison": comparison_document.document(found, campaign)},
     lost=lambda found: found.refitted.compared.prediction.failed,
 )

@@ -15,6 +15,7 @@ from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score, Told
 from chatter_core.units import si_factor
+from pipeline.telling import plain
 
 #: Files.
 DOCUMENT, TRIALS = "comparison.json", "trials.csv"
@@ -185,14 +186,3 @@ def _correlations(found: Assessment) -> list[dict[str, Any]]:
         }
         for k in kept
     ]
-
-
-def plain(value: Any) -> Any:
-    """Return a value as JSON holds it: what is not a number is null."""
-    if isinstance(value, dict):
-        return {key: plain(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(inner) for inner in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value

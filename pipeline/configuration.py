@@ -5,7 +5,7 @@ looks like a path replaces the machine's parts by the content of that file.
 """
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,20 +16,19 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from pydantic import ValidationError
 
-import configs
 from chatter_core.effects import effect_names, own_effects
 from chatter_core.errors import InvalidInput
 from chatter_core.reading import load_value, load_yaml, nearest, sentences, shown
+from pipeline import shipped
 from pipeline.keys import put
 from pipeline.settings import Settings, Study
+from pipeline.shipped import CONFIGS, EFFECTS, groups
+from pipeline.telling import command
 
 Composed = TypeVar("Composed", bound=Study)
 
-CONFIGS = Path(next(iter(configs.__path__)))
 #: Parts of a machine, each a key at the root of the config and in a machine.yaml.
 MACHINE_KEYS = ("bearing", "spindle", "tip", "tool", "cutting", "process")
-#: Folder with the configured values of every effect: no group, since effects add up.
-EFFECTS = "effects"
 #: Parts of the config that one kind of study has alone, and the verb that computes it.
 PARTS_OF_KINDS = {"grid": "sweep", "design": "dataset"}
 #: Option that names a folder with effects of the user's own. No yaml can: what it names is run.
@@ -48,6 +47,11 @@ class Words:
     machine_file: Path | None
 
     @property
+    def of_machine(self) -> list[str]:
+        """Words that say something of machine, grid, method, cluster or study."""
+        return [*self.choices, *self.values, *(["machine"] if self.machine_file else [])]
+
+    @property
     def name_the_preload(self) -> bool:
         """Whether the machine's own preload is named by the user, and no preloads of the grid are."""
         keys = {word.partition("=")[0] for word in self.values}
@@ -55,21 +59,12 @@ class Words:
         return named and not any(key.startswith("grid.preload_n") for key in keys)
 
 
-def groups() -> dict[str, list[str]]:
-    """Return the shipped groups and the choices in each."""
-    return {
-        folder.name: sorted(file.stem for file in folder.glob("*.yaml"))
-        for folder in sorted(CONFIGS.iterdir())
-        if folder.is_dir() and folder.name != EFFECTS and any(folder.glob("*.yaml"))
-    }
-
-
-def sort_words(words: list[str], options: tuple[str, ...]) -> Words:
+def sort_words(words: list[str], options: Iterable[str]) -> Words:
     """Sort the words of a command line; ``options`` are the verb's own keys.
 
     Raises InvalidInput with every word that is not understood.
     """
-    known, problems = groups(), []
+    options, known, problems = list(options), groups(), []
     found: dict[str, str] = {}
     choices: dict[str, str] = {}
     values: list[str] = []
@@ -77,7 +72,7 @@ def sort_words(words: list[str], options: tuple[str, ...]) -> Words:
     for word in words:
         key, equals, value = word.partition("=")
         if not equals or not key or key.strip("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.[]"):
-            problems.append(f"{word}: expected key=value")
+            problems.append(f"{word}: {_no_pair(word, options, known)}")
         elif key in options:
             found[key] = value
         elif key == "machine" and (value.endswith((".yaml", ".yml")) or "/" in value):
@@ -90,10 +85,26 @@ def sort_words(words: list[str], options: tuple[str, ...]) -> Words:
         elif "." in key:
             values.append(word)
         else:
-            problems.append(f"{key}: unknown key; {nearest(key, [*options, *known, 'machine'])}")
+            problems.append(f"{key}: unknown key; {_near_key(key, [*options, *known])}")
     if problems:
         raise InvalidInput(problems)
     return Words(options=found, choices=choices, values=values, machine_file=machine_file)
+
+
+def _no_pair(word: str, options: list[str], known: Mapping[str, list[str]]) -> str:
+    """Return what to say of a word that is no key=value: options of other programs begin with dashes."""
+    plain = word.lstrip("-")
+    key = plain.partition("=")[0]
+    meant = [f"{group}={plain}" for group in ("study", *known) if plain in known[group]]
+    if word != plain and key in (*options, *known):
+        meant = [plain if "=" in plain else f"{key}=..."]
+    return f"expected key=value{f'; did you mean {meant[0]}?' if meant else ''}"
+
+
+def _near_key(key: str, allowed: list[str]) -> str:
+    """Return a hint at the key that may be meant: one of a group, written without it, or one that is alike."""
+    whole = [dotted for group in groups() for dotted in shipped.keys(group) if dotted.endswith(f".{key}")]
+    return f"did you mean {' or '.join(sorted(whole, key=len)[:2])}?" if whole else nearest(key, allowed)
 
 
 @overload
@@ -141,7 +152,7 @@ def compose_settings(
     data = _with_values(data, words.values)
     off = [name for name in data[EFFECTS] if name not in named]
     if off:
-        raise InvalidInput([f"effects.{name}: the effect is not on; say effects=[{name}]" for name in off])
+        raise InvalidInput([f"effects.{name}: {_why_off(name, effect_names(own))}" for name in off])
     roots = [*MACHINE_KEYS, *(key for key in kind.model_fields if key != "machine")]
     problems = [f"{key}: unknown key; {nearest(key, roots)}" for key in data if key not in roots]
     machine = {key: data[key] for key in MACHINE_KEYS if data.get(key) is not None}
@@ -155,6 +166,12 @@ def compose_settings(
     return settings
 
 
+def _why_off(name: str, known: tuple[str, ...]) -> str:
+    if name not in known:
+        return f"unknown effect; {nearest(name, list(known))}"
+    return f"the effect is not on; say effects=[{name}]"
+
+
 def _of_kind(data: dict[str, Any], words: Words, kind: type[Study]) -> dict[str, Any]:
     """Return composed data without what another kind of study has; raise InvalidInput where that was asked for."""
     foreign = [key for key in PARTS_OF_KINDS if key not in kind.model_fields]
@@ -162,9 +179,11 @@ def _of_kind(data: dict[str, Any], words: Words, kind: type[Study]) -> dict[str,
     problems = [f"{word}: not for this verb" for word in asked]
     for key, verb in PARTS_OF_KINDS.items():
         if key in kind.model_fields and data.get(key) is None:
-            problems.append(f"{key}: missing; study {data['study']} has none")
+            other = [command(of, f"study={data['study']}") for part, of in PARTS_OF_KINDS.items() if data.get(part)]
+            problems.append(f"{key}: missing; study {data['study']} has none; compute it with: {' or '.join(other)}")
         elif key not in kind.model_fields and key == "design" and data.get(key) is not None and not asked:
-            problems.append(f"study {data['study']} is a data set; compute it with: python -m pipeline {verb}")
+            computed = command(verb, f"study={data['study']}")
+            problems.append(f"study {data['study']} is a data set; compute it with: {computed}")
     if problems:
         raise InvalidInput(problems)
     return {key: value for key, value in data.items() if key not in foreign}
@@ -197,16 +216,6 @@ def named_effects(text: str, own: Path | None = None) -> list[str]:
     if problems:
         raise InvalidInput(problems)
     return names
-
-
-def modal_parameters_of(base: str) -> str:
-    """Return where the base model of ``base=NAME`` takes the bearings' stiffness.
-
-    Raises InvalidInput for an unknown name.
-    """
-    if base not in BASES:
-        raise InvalidInput([f"base: found {base!r}; {nearest(base, list(BASES))}"])
-    return BASES[base]
 
 
 def _as_written(sentence: str, machine_file: Path | None) -> str:

@@ -5,17 +5,15 @@ from typing import Any
 
 from chatter_core.errors import InvalidInput
 from chatter_core.reading import load_value, load_yaml, shown
-from pipeline import places
-from pipeline.configuration import EFFECTS, EFFECTS_PATH, compose_settings, sort_words
+from pipeline.configuration import compose_settings, sort_words
 from pipeline.design import DatasetSettings, varied_of
 from pipeline.execution import execute_words
 from pipeline.places import DATASET
+from pipeline.verbs.studies import DatasetOptions
 
-OPTIONS = (*places.OPTIONS, "retry_failed", "budget_hours", EFFECTS, EFFECTS_PATH)
 #: What begins a word that makes a key vary, with a distribution or a list of values.
 VARY = "vary."
-#: Longest time that may be given [h].
-MOST_HOURS = 10_000.0
+SECONDS_AN_HOUR = 3600.0
 
 
 def run(words: list[str]) -> int:
@@ -23,10 +21,11 @@ def run(words: list[str]) -> int:
     varied = dict(word.removeprefix(VARY).split("=", 1) for word in words if word.startswith(VARY) and "=" in word)
     files = [word for word in words if word.startswith("design=") and word.endswith((".yaml", ".yml"))]
     others = [word for word in words if word not in files and not (word.startswith(VARY) and "=" in word)]
-    sorted_words = sort_words(others, OPTIONS)
+    sorted_words = sort_words(others, DatasetOptions.fields())
+    options = DatasetOptions.read(sorted_words.options)
     changes = {"design": load_yaml(Path(files[-1].removeprefix("design=")))} if files else {}
     settings = compose_settings(sorted_words, DatasetSettings, changes, lambda data: _let_vary(data, varied))
-    budget = _seconds(sorted_words.options.get("budget_hours"))
+    budget = None if options.budget_hours is None else SECONDS_AN_HOUR * options.budget_hours
     return execute_words(settings, sorted_words.options, words, root=DATASET, budget=budget)
 
 
@@ -50,16 +49,3 @@ def _let_vary(data: dict[str, Any], varied: dict[str, str]) -> None:
         raise InvalidInput(problems)
     design = data.get("design") or {}
     data["design"] = {**design, "machine": {"vary": {key: varied_of(one) for key, one in levels.items()}}, "cut": {}}
-
-
-def _seconds(hours: str | None) -> float | None:
-    """Return the time that ``budget_hours`` gives [s], or None; raise InvalidInput for what is no such time."""
-    if hours is None:
-        return None
-    try:
-        found = float(hours)
-    except ValueError:
-        found = 0.0
-    if not 0.0 < found <= MOST_HOURS:
-        raise InvalidInput([f"budget_hours: found {hours!r}, allowed: more than 0, at most {MOST_HOURS:g}"])
-    return 3600.0 * found

@@ -1,5 +1,7 @@
 """The card of a data set: what it is, what is in it, how it was chosen, how to load and to cite it."""
 
+import html
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,9 +20,15 @@ FILE = "card.md"
 def write(data: xr.Dataset, counts: Mapping[str, int], output: Path) -> Path:
     """Write the card of a data set into a folder and return the path; counts: of cuts and speeds by status."""
     environment = Environment(loader=PackageLoader("pipeline"), autoescape=False, keep_trailing_newline=True)
+    environment.filters["prose"] = prose
     path = output / FILE
     path.write_text(environment.get_template("dataset_card.md").render(**_told(data, counts)), encoding="utf-8")
     return path
+
+
+def prose(text: str) -> str:
+    """Return text as Markdown, and what shows it as HTML, have it: as it is written, whatever stands in it."""
+    return re.sub(r"([\\`*_\[\]|~#])", r"\\\1", html.escape(text, quote=False))
 
 
 def _told(data: xr.Dataset, counts: Mapping[str, int]) -> dict[str, Any]:
@@ -49,7 +57,7 @@ def _told(data: xr.Dataset, counts: Mapping[str, int]) -> dict[str, Any]:
         "sampling": design.sampling,
         "seed": design.seed,
         "parts": ", ".join(f"{part} {size} machines" for part, size in zip(PARTS, sizes, strict=True)),
-        "words": "; ".join(f"`{key}` {numbered(those)}" for key, those in words.items()) or "none",
+        "words": "; ".join(f"`{key}` {prose(numbered(those))}" for key, those in words.items()) or "none",
         "licence": attributes["licence"],
         "version": attributes["versions"]["milling-chatter"],
         "code": attributes["code"],
@@ -62,7 +70,7 @@ def _inputs(data: xr.Dataset, design: Design) -> list[dict[str, str]]:
     """Return every input with its distribution and the range of what was drawn."""
     numbers = data["input"].values.reshape(-1, data.sizes["input_key"])
     found = []
-    for place, (key, varied) in enumerate({**design.machine.vary, **design.cut.vary}.items()):
+    for place, (key, varied) in enumerate(design.varied.items()):
         said = varied.model_dump(exclude_none=True, exclude={"distribution"})
         how = ", ".join(f"{name} {_plain(value)}" for name, value in said.items())
         least, most = (varied.value(float(number)) for number in (numbers[:, place].min(), numbers[:, place].max()))

@@ -11,11 +11,12 @@ import xarray as xr
 from chatter_core.variables import WITH_RESULT
 from pipeline import dataset_card, dataset_figures, page, store, survey
 from pipeline.dataset_plots import dataset_plots
-from pipeline.dataset_tables import LOWEST, RATE, samples_table
-from pipeline.page import PageTable, provenance
+from pipeline.dataset_tables import LOWEST, MOST_NAMED, RATE, samples_table
+from pipeline.page import PageTable, provenance, table_of
 from pipeline.places import Place
 from pipeline.plots import embed
 from pipeline.sensitivity import KEY, sensitivity
+from pipeline.settings import Margins, margins_of
 
 #: What a report is made of.
 READ = ("input", "split", "limit_depth", "limit_chatter_frequency", "limit_dominant_mode", "status")
@@ -23,20 +24,23 @@ READ = ("input", "split", "limit_depth", "limit_chatter_frequency", "limit_domin
 PAGE_ROWS = 24
 CAPTIONS = {
     "limits": "The depth at which the chosen cut begins to chatter; the bands hold the middle part of all cuts.",
+    "values": "A line for each value of the chosen input: the median of all cuts that have it; bands from the least of "
+    "them to the largest.",
     "inputs": "A cut each, by the shallowest of its limit depths over all speeds.",
 }
 
 
-def write(place: Place) -> list[Path]:
+def write(place: Place, **margins: float) -> list[Path]:
     """Write card, tables, figures and report.html of a data set; return the paths.
 
+    margins: of the best cuts by their keys, in the place of those that the store's last run named.
     Raises InvalidInput where it cannot be read.
     """
     store.check(place)
     counts = survey.counts(place)
     with store.readable(place) as opened:
         data = opened[list(READ)].load()
-        data.attrs = opened.attrs
+        data.attrs = {**opened.attrs, "margins": {**margins_of(opened.attrs).said, **margins}}
     output = place.make_output()
     samples = samples_table(data)
     told, text = sensitivity(data)
@@ -79,7 +83,7 @@ def _page(
             if name not in ("ok", "interpolated")
         ],
         findings=_findings(data, samples, text if told.empty else ""),
-        tables=[_best_table(samples), *([] if told.empty else [_dependence_table(told, text)])],
+        tables=[_best_table(samples, margins_of(data.attrs)), *([] if told.empty else [_dependence_table(told, text)])],
         plots=embed(made),
         captions=CAPTIONS,
         **page.offered(written),
@@ -109,22 +113,20 @@ def _findings(data: xr.Dataset, samples: pd.DataFrame, untold: str) -> list[str]
     return [*found, *([untold] if untold else [])]
 
 
-def _best_table(samples: pd.DataFrame) -> PageTable:
+def _best_table(samples: pd.DataFrame, margins: Margins) -> PageTable:
     best = samples.dropna(subset=[RATE]).nlargest(PAGE_ROWS, RATE)
-    names = ["machine", "cut", "part", LOWEST, "at_spindle_speed_rpm", RATE]
+    varied = list(samples.columns)[3 : samples.columns.get_loc(LOWEST)]
+    names = [
+        "machine",
+        "cut",
+        *(varied if len(varied) <= MOST_NAMED else ["part"]),
+        LOWEST,
+        "at_spindle_speed_rpm",
+        RATE,
+    ]
     names += ["with_spindle_speed_rpm", "with_axial_depth_mm"]
-    return _table("The cuts that remove most, with margins in depth and speed", best[names])
+    return table_of(f"The cuts that remove most, {margins}", best[names])
 
 
 def _dependence_table(told: pd.DataFrame, text: str) -> PageTable:
-    return _table(text, told.rename(columns={KEY: "input"}))
-
-
-def _table(title: str, frame: pd.DataFrame) -> PageTable:
-    columns = [name.replace("_", " ") for name in frame.columns]
-    rows = [[_cell(value) for value in row] for row in frame.itertuples(index=False)]
-    return PageTable(title=title, columns=columns, rows=rows)
-
-
-def _cell(value: object) -> str:
-    return f"{value:.5g}" if isinstance(value, float) else str(value)
+    return table_of(text, told.rename(columns={KEY: "input"}))

@@ -1,31 +1,39 @@
 """What a data set says of every cut in one row: what varies, its lowest limit depth, and the cut that removes most."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from chatter_core.variables import STATUS
-from pipeline.best_cuts import DEPTH_MARGIN, least_near, removal_rate
-from pipeline.design import PARTS
+from pipeline.best_cuts import removal_rate, safe_depth
+from pipeline.design import PARTS, Description, Design
+from pipeline.design.distributions import Distribution
 from pipeline.kinds import KINDS
 from pipeline.kinds.dataset import descriptions
 from pipeline.places import DATASET
+from pipeline.progress import watched
+from pipeline.settings import margins_of
 
+#: Inputs that the name of a cut says.
+MOST_NAMED = 3
 #: Columns of the table behind those of what varies.
 LOWEST, RATE = "lowest_limit_depth_mm", "removal_rate_cm3_min"
 
 
 def inputs_table(data: xr.Dataset) -> pd.DataFrame:
-    """Return what varies, a column for each key and a row for each cut, words as words."""
+    """Return what varies, a column for each key and a row for each cut, as a description says it."""
     numbers = data["input"].values.reshape(-1, data.sizes["input_key"])
-    keys = [str(key) for key in data["input_key"].values]
-    columns = {}
-    for place, key in enumerate(keys):
-        words = data.attrs["input_words"].get(key)
-        columns[key] = numbers[:, place] if words is None else [words[int(number)] for number in numbers[:, place]]
-    return pd.DataFrame(columns)
+    varied = Design.model_validate(data.attrs["settings"]["design"]).varied
+    return pd.DataFrame({key: _as_said(one, numbers[:, place]) for place, (key, one) in enumerate(varied.items())})
+
+
+def _as_said(varied: Distribution, numbers: np.ndarray) -> np.ndarray:
+    """Return what a description says for drawn numbers, each asked for once."""
+    drawn, place = np.unique(numbers, return_inverse=True)
+    return np.array([varied.value(float(number)) for number in drawn])[place]
 
 
 def numbered(words: Sequence[str]) -> str:
@@ -55,7 +63,7 @@ def quantiles(limit: np.ndarray, shares: Sequence[float]) -> np.ndarray:
 def samples_table(data: xr.Dataset) -> pd.DataFrame:
     """Return a row for each cut: its numbers, part, what varies, lowest limit depth, and the cut that removes most.
 
-    The latter stays 10 % below the boundary at all speeds within 2 %.
+    The latter keeps from its boundary as the margins of the store say.
     """
     machines, cuts = data.sizes["machine"], data.sizes["cut"]
     limit = limit_or_deepest(data).reshape(machines * cuts, -1)
@@ -81,15 +89,22 @@ def samples_table(data: xr.Dataset) -> pd.DataFrame:
     )
 
 
+def removal_factors(data: xr.Dataset, rows: Sequence[int]) -> np.ndarray:
+    """Return what cuts remove for each mm of depth and rpm [cm3/min] (row,); rows: their places."""
+    said, cuts = KINDS[DATASET].described(data.attrs, lambda name: data[name].values), data.sizes["cut"]
+
+    @lru_cache(maxsize=1)
+    def cuts_of(machine: int) -> list[Description]:
+        return descriptions(said.base, said.design, said.numbers[machine])
+
+    each = watched(rows, len(rows), "cuts reported")
+    return np.array([removal_rate(cuts_of(row // cuts)[row % cuts], 1.0, 1.0) for row in each])
+
+
 def _best(data: xr.Dataset, limit: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return speed [rpm], depth [mm] and rate [cm3/min] of the cut that removes most (row,), NaN where none is safe."""
-    said = KINDS[DATASET].described(data.attrs, lambda name: data[name].values)
-    depth = (1.0 - DEPTH_MARGIN) * least_near(limit, speed)
-    found = np.full((3, len(limit)), np.nan)
-    cuts = (cut for machine in said.numbers for cut in descriptions(said.base, said.design, machine))
-    for row, description in enumerate(cuts):
-        rate = removal_rate(description, speed, depth[row])
-        if not np.isnan(rate).all():
-            best = int(np.nanargmax(rate))
-            found[:, row] = speed[best], depth[row, best], rate[best]
-    return found[0], found[1], found[2]
+    depth = safe_depth(limit, speed, margins_of(data.attrs))
+    rate = removal_factors(data, range(len(limit)))[:, None] * depth * speed
+    rows, best = np.arange(len(limit)), np.nan_to_num(rate, nan=-np.inf).argmax(axis=1)
+    safe = ~np.isnan(rate[rows, best])
+    return np.where(safe, speed[best], np.nan), depth[rows, best], rate[rows, best]

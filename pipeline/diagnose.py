@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
-from pipeline import diagnosis_page, judging, model_file
+from pipeline import diagnosis_document, diagnosis_page, judging, model_file
 from pipeline.campaigns import Asked
 from pipeline.cluster import Workers
 from pipeline.diagnosis import Diagnosis, check_enough, completed, diagnose, with_pictures
 from pipeline.judging import MODEL, Verb
+from pipeline.verbs.campaigns import DiagnoseOptions
 
 
 def run(words: list[str]) -> int:
@@ -30,11 +31,12 @@ def _lost(found: Diagnosis) -> int:
 
 
 VERB = Verb(
-    name="diagnose",
+    options=DiagnoseOptions,
     files=(*diagnosis_page.FILES, MODEL),
     check=check_enough,
     compute=_diagnose,
     write=_write,
     summary=diagnosis_page.summary,
+    facts=lambda found, campaign: {"diagnosis": diagnosis_document.document(found, campaign)},
     lost=_lost,
 )

@@ -8,6 +8,7 @@ from math import prod
 
 import numpy as np
 
+from chatter_core.cards import Card, ShownAsCard
 from chatter_core.effects import Effect, effect_names, variants
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, calibrate
@@ -44,12 +45,14 @@ SECONDS = 4
 SUPPORTED = ("effect", "ambiguous")
 #: The first effect of a ranking is told of others where it is as probable as this, whatever the verdict.
 LIKELY = 0.1
+#: Of the ranking, so many are shown.
+SHOWN = 5
 #: Fewer cuts and responses together than this tell nothing.
 FEWEST_CUTS = 8
 
 
-@dataclass(frozen=True, kw_only=True)
-class Diagnosis:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Diagnosis(ShownAsCard):
     """Everything that a diagnosis found.
 
     base: the model as it was, calibrated; ranking: nothing missing and single effects; pairs: with the first of
@@ -75,6 +78,13 @@ class Diagnosis:
     intervals: dict[str, Limits] = field(default_factory=dict)
     before_and_after: Assessment | None = None
     corrections: Corrections | None = None
+
+    def card(self) -> Card:
+        """Return the verdict, and how probable the first of the ranking are."""
+        columns = ("missing", "probability", "gain in nats")
+        rows = tuple((one.name, f"{one.probability:.3f}", f"{one.gain:+.1f}") for one in self.ranking[:SHOWN])
+        title = f"Diagnosis: {self.verdict.kind}. {self.verdict.text}"
+        return Card(title=title, rows=rows, columns=columns)
 
     @property
     def pair(self) -> Ranked | None:

@@ -15,8 +15,9 @@ from chatter_core.evidence.ranking import NOTHING, Ranked
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
 from chatter_core.units import si_factor
 from pipeline import corrections
-from pipeline.comparison_document import failure_data, measured, parameter_data, plain
+from pipeline.comparison_document import failure_data, measured, parameter_data
 from pipeline.diagnosis import Diagnosis
+from pipeline.telling import plain
 
 #: Files.
 DOCUMENT, POWER = "diagnosis.json", "power.csv"

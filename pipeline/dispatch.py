@@ -1,69 +1,21 @@
 """Chunks handed out to whoever computes them, so that nothing that happens to one is the end of the others."""
 
-import signal
-import sys
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import replace
-from types import FrameType
 
-from distributed import Client, Future, as_completed
+from distributed import Client, as_completed
 from distributed.comm import CommClosedError
-from distributed.scheduler import KilledWorker
 
-from chatter_core.variables import STATUS
-from pipeline import store
-from pipeline.cluster import KEPT, POLL, RESULT_PATIENCE, Workers
+from pipeline.cluster import KEPT, POLL, Workers
 from pipeline.errors import WorkersLost
+from pipeline.stopping import Stopping
+from pipeline.suspects import answer, tried_alone
 from pipeline.task import Record, Task, compute_chunk
 
 #: Tasks handed out beyond those being computed, for each worker.
 WINDOW = 3
 #: Further attempts at a chunk that could not be written; Dask's scheduler counts deaths of workers by itself.
 RETRIES = 2
-#: Seconds between two looks for whether a task has been begun.
-LOOK = 0.1
-#: What is said of speeds whose worker is lost while they are computed with nothing beside them.
-TOLD = {
-    "worker_lost": "the worker died on this speed alone: killed from outside, or out of memory",
-    "timed_out": "this speed alone took longer than cluster.time_limit_s",
-}
-
-
-class Stopping:
-    """Remembers that a signal asked for the end; a second one ends at once. So does time that was given, when it is up.
-
-    number: of the signal, 0 without one; deadline: on the monotonic clock [s], none without one.
-    """
-
-    number: int = 0
-    deadline: float | None = None
-
-    @property
-    def asked(self) -> bool:
-        """Whether nothing more is to be begun."""
-        return bool(self.number) or (self.deadline is not None and time.monotonic() > self.deadline)
-
-    def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Handle a signal."""
-        if self.number:
-            raise KeyboardInterrupt
-        self.number = number
-        print("\nstopping: waiting for the chunks in progress (once more to stop at once)", file=sys.stderr, flush=True)
-
-
-@contextmanager
-def signals() -> Iterator[Stopping]:
-    """Turn SIGINT and SIGTERM into a wish to stop, for as long as chunks are computed."""
-    stopping = Stopping()
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.signal(number, stopping) for number in numbers}
-    try:
-        yield stopping
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def dispatched(tasks: Iterable[Task], client: Client | None, stopping: Stopping, patience: float) -> Iterator[Record]:
@@ -117,16 +69,12 @@ def _distributed(tasks: Iterable[Task], client: Client, stopping: Stopping, work
             if future.cancelled():
                 # By this run, which is to stop, or by whoever restarted the scheduler: then it is handed out again.
                 taken_away.append(task)
-            elif (record := _record_of(future)) is None:
+            elif (record := answer(future)) is None:
                 suspects.append(task)
             else:
                 yield record
         hand_out()
-    for task in suspects:
-        if not stopping.asked:
-            record = _speed_by_speed(task, client, stopping, workers)
-            if record is not None:
-                yield record
+    yield from tried_alone(suspects, client, stopping, workers)
 
 
 def _take_back(running: as_completed, client: Client) -> None:
@@ -135,61 +83,3 @@ def _take_back(running: as_completed, client: Client) -> None:
     for future in list(running.futures):
         if future.key not in begun:
             future.cancel()
-
-
-def _record_of(future: Future) -> Record | None:
-    """Return the record of a task that has ended, None where its workers died or took it with them."""
-    try:
-        record: Record = future.result(timeout=RESULT_PATIENCE)
-        return record
-    except (KilledWorker, TimeoutError):
-        return None
-
-
-def _speed_by_speed(task: Task, client: Client, stopping: Stopping, workers: Workers) -> Record | None:
-    """Compute a chunk on which workers died one speed after another; those that do it again are marked.
-
-    Nothing is computed beside them, so a worker's death is a speed's own. None where stopped midway: what is missing
-    stays pending.
-    """
-    chunk, counts, errors, seconds = task.chunk, dict[str, int](), list[str](), 0.0
-    for speed in range(chunk.first, chunk.last):
-        if stopping.asked:
-            return None
-        record = _alone(replace(task, chunk=replace(chunk, first=speed, last=speed + 1)), client, stopping, workers)
-        if record is None:
-            return None
-        for name, count in record.counts.items():
-            counts[name] = counts.get(name, 0) + count
-        errors += record.errors
-        seconds += record.seconds
-    return Record(chunk=chunk, counts=counts, seconds=seconds, errors=tuple(errors))
-
-
-def _alone(task: Task, client: Client, stopping: Stopping, workers: Workers) -> Record | None:
-    """Compute a part of a chunk with nothing beside it; where its worker dies, mark it. None where stopped before."""
-    future = client.submit(compute_chunk, task, pure=False)
-    began = _begun(future, client, stopping, workers)
-    while not future.done():
-        workers.look()
-        time.sleep(POLL)
-    if future.cancelled():
-        return None if stopping.asked else _alone(task, client, stopping, workers)
-    record = _record_of(future)
-    if record is not None:
-        return record
-    took = time.monotonic() - began
-    why = "timed_out" if task.time_limit is not None and took >= task.time_limit else "worker_lost"
-    store.mark_chunk(task.place, task.chunk, STATUS[why])
-    lost = store.status_of(store.open_group(task.place), task.chunk).size
-    return Record(chunk=task.chunk, counts={why: lost}, seconds=took, errors=(TOLD[why],))
-
-
-def _begun(future: Future, client: Client, stopping: Stopping, workers: Workers) -> float:
-    """Wait until a task has a worker, or has ended already; return the time. Where stopped it is taken back."""
-    while not future.done() and not any(future.key in keys for keys in client.processing().values()):
-        if stopping.asked:
-            future.cancel()
-        workers.look()
-        time.sleep(LOOK)
-    return time.monotonic()

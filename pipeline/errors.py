@@ -1,6 +1,11 @@
 """What can go wrong around the physics."""
 
+import errno
+
 from chatter_core.errors import ChatterError
+
+#: What a disk answers of a file that it has lost a part of.
+LOST = {errno.EIO, errno.EBADMSG, errno.EUCLEAN}
 
 
 class StoreInUse(Exception):
@@ -17,3 +22,12 @@ class StorageFailed(ChatterError):
 
 class StoreUnavailable(OSError):
     """An object store does not answer, or does not let us in; nothing is known of what it holds."""
+
+
+class Unreadable(ValueError):
+    """Something in a store is not as it was written."""
+
+
+def is_damage(error: OSError) -> bool:
+    """Return whether an error is of the one file that was read: another may well be whole."""
+    return not isinstance(error, StoreUnavailable) and error.errno in LOST

@@ -1,10 +1,10 @@
 """The way of every study: what is missing in its store is computed, and its report written; whatever interrupts."""
 
+import errno
 import json
 import os
 import signal
 import socket
-import sys
 import threading
 import time
 from collections import Counter
@@ -20,14 +20,17 @@ from chatter_core.errors import InvalidInput
 from chatter_core.variables import FAILED, STATUS
 from pipeline import metadata, store, survey
 from pipeline.cluster import open_client, pages
-from pipeline.dispatch import dispatched, signals
+from pipeline.dispatch import dispatched
 from pipeline.errors import StorageFailed, StoreUnavailable, WorkersLost
 from pipeline.journal import Journal
 from pipeline.kinds import kind_of
 from pipeline.places import CLOCK, LOCK, RECORD, STORES, Place, StillHeld, as_long_as_it_takes, place_of
 from pipeline.progress import Meter
-from pipeline.settings import Cluster, Study, differing_keys
+from pipeline.provenance import code_version
+from pipeline.settings import Cluster, Study, differing_keys, margins_of
+from pipeline.stopping import signals
 from pipeline.task import Record, Task, compute_first
+from pipeline.telling import bars, command, complain, fact, note, say, wrote
 
 #: What is in a place whose study was being created when the run was killed.
 OF_A_CREATION = {".lock", LOCK, CLOCK, *STORES, metadata.COPY}
@@ -49,13 +52,11 @@ def execute_words(
 ) -> int:
     """Compute what is missing of a study in the place that the options of its verb name, by default one of its own.
 
-    root: name of the store. Returns and raises what ``execute`` does, and InvalidInput for an option that is wrong.
+    root: name of the store. Returns and raises what ``execute`` does.
     """
-    retry = options.get("retry_failed", "false").lower()
-    if retry not in ("true", "false"):
-        raise InvalidInput([f"retry_failed: found {retry!r}, allowed: true, false"])
+    retry = options.get("retry_failed", "false").lower() == "true"
     place = place_of(options, Path("results") / f"{settings.study}-{settings.fingerprint()[:8]}", root)
-    return execute(settings, place, retry_failed=retry == "true", argv=argv, budget=budget)
+    return execute(settings, place, retry_failed=retry, argv=argv, budget=budget)
 
 
 def execute(
@@ -101,17 +102,25 @@ def carry_on(
         still_held()
         written = _finish(place, journal, counts)
     except Stopped as stop:
-        journal.write("stopped", signal=str(stop))
-        again = f"python -m pipeline {kind_of(place).verb} {' '.join(argv)}" if argv else "the same command"
-        print(f"stopped; nothing is lost. Go on with: {again}", file=sys.stderr)
+        again = command(kind_of(place).verb, *argv) if argv else "the same command"
+        # Where its terminal was closed nobody reads what a run says.
+        journal.write("stopped", signal=str(stop), again=again)
+        note(f"stopped; nothing is lost. Go on with: {again}")
         return 128 + stop.number
     except OSError as error:
-        # The disk is full, or the place has gone away: what was computed before is in the store.
+        # The disk is full or ill, or the place has gone away: what was computed before is in the store.
         raise StorageFailed(
             f"{error.filename or place.where(place.root)}: {error.strerror or error}; what was computed is kept, "
-            f"the same command goes on once {'it answers' if isinstance(error, StoreUnavailable) else 'there is room'}"
+            f"the same command goes on once {_mended(error)}"
         ) from None
     return _tell(place, counts, written, journal)
+
+
+def _mended(error: OSError) -> str:
+    """Return what must come about before a run can go on that a file has stopped."""
+    if isinstance(error, StoreUnavailable):
+        return "it answers"
+    return "there is room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "that is mended"
 
 
 def _prepare(settings: Study, place: Place, argv: list[str]) -> None:
@@ -126,13 +135,15 @@ def _prepare(settings: Study, place: Place, argv: list[str]) -> None:
             keys = differing_keys(existing.get("settings", {}), wanted)
             shown = ", ".join(keys[:12]) + (f" and {len(keys) - 12} more" if len(keys) > 12 else "")
             raise InvalidInput([f"{place}: holds a study with other settings; they differ in: {shown}"])
+        if margins_of(existing) != settings.margins:
+            metadata.update(place, margins=settings.margins.said)
         metadata.refresh_copy(place)
         return
     if names - OF_A_CREATION:
         name = place.option.partition("=")[0]
         raise InvalidInput([f"{place}: holds files that are no study; choose an empty place with {name}="])
     if len(store.written_at(place)):
-        restored = f"restored by: python -m pipeline verify {place.option} repair=true"
+        restored = f"restored by: {command('verify', place.option, 'repair=true')}"
         raise InvalidInput([f"{place}: {RECORD} is missing beside a store that holds results; {restored}"])
     # The record is written after the template, so a template that was cut short is made again.
     store.create(place, settings, argv)
@@ -156,8 +167,8 @@ def _compute(
     numbers = np.flatnonzero(missing)
     if not len(numbers):
         return counts
-    begun = f"{store.now()} {len(numbers)} of {len(every)} chunks to compute, code {store.code_version()}"
-    metadata.update(place, history=[*metadata.attributes(place)["history"], begun])
+    begun = f"{len(numbers)} of {len(every)} chunks to compute, code {code_version()}"
+    made = metadata.begin(place, begun)
     # Many writers of one shard would lose each other's chunks.
     cluster = Cluster(kind="serial") if store.is_packed(group) else settings.cluster
     own, limit = settings.effects_path, cluster.time_limit
@@ -165,7 +176,7 @@ def _compute(
         place=place.anywhere(),
         chunk=every[int(numbers[0])],
         kernel=kernel or kind.kernel,
-        made=store.identity(group),
+        made=made,
         effects_path=own,
         time_limit=limit,
     )
@@ -182,7 +193,6 @@ def _compute(
                 for record in dispatched(tasks, client, stopping, cluster.patience):
                     still_held()
                     _note(journal, record, kind.entry)
-                    counts.update(record.counts)
                     meter.advance(every.cells(record.chunk))
         except (RuntimeError, OSError) as error:
             # A signal that went to the whole process group may have taken the workers along.
@@ -192,15 +202,28 @@ def _compute(
                 raise
         if stopping.number:
             raise Stopped(stopping.number)
-    counts["pending"] = every.all_cells - counts.total()
+    return _kept(place, stopping.asked)
+
+
+def _kept(place: Place, short: bool) -> Counter[str]:
+    """Return how many cells of the store have which status, as the store itself says when all has been written.
+
+    short: whether some were not begun. Raises StorageFailed where others are missing: they were removed or damaged.
+    """
+    missing, of_others = survey.pending(place, retry_failed=False)
+    counts = Counter({name: int(of_others[code]) for name, code in STATUS.items()})
+    if missing.any() and not short:
+        raise StorageFailed(
+            f"{place.where(place.root)}: {np.count_nonzero(missing)} chunks that were written are not there any more, "
+            "or damaged; the same command computes them again"
+        )
+    counts["pending"] = store.chunks(store.open_group(place)).all_cells - counts.total()
     return counts
 
 
 def _compile_once(task: Task) -> None:
     """Have the physics compiled here before several workers compile it side by side, and say so where it takes time."""
-    told = threading.Timer(
-        COMPILING_PATIENCE, print, ["compiling, once after installation: about 15 s"], {"file": sys.stderr}
-    )
+    told = threading.Timer(COMPILING_PATIENCE, note, ["compiling, once after installation: about 15 s"])
     told.daemon = True
     told.start()
     try:
@@ -217,8 +240,8 @@ def _note_pages(journal: Journal, cluster: Cluster, address: str | None) -> None
     if address is None:
         return
     journal.write("workers", cluster=cluster.kind, pages=address)
-    if sys.stderr.isatty():
-        print(f"workers can be watched at {address}", file=sys.stderr)
+    if bars():
+        note(f"workers can be watched at {address}")
 
 
 def _note(journal: Journal, record: Record, entry: str) -> None:
@@ -264,21 +287,23 @@ def _finish(place: Place, journal: Journal, counts: Counter[str]) -> list[Path]:
 
 def _tell(place: Place, counts: Counter[str], written: list[Path], journal: Journal) -> int:
     """Say what there is; return the exit code."""
-    print(f"store:   {place.where(place.root)}")
-    for file in written:
-        print(f"written: {file}")
     failed = {name: count for name, count in counts.items() if count and STATUS[name] in FAILED}
+    store_at = place.where(place.root)
+    say(f"store:   {store_at}")
+    fact(
+        store=store_at,
+        journal=journal.path,
+        cells={name: count for name, count in counts.items() if count},
+        cells_failed=sum(failed.values()),
+        cells_total=counts.total(),
+    )
+    wrote(written)
     if counts["pending"]:
-        print(
-            f"{counts['pending']} of {counts.total()} are not computed yet: the time is up; the same command goes on",
-            file=sys.stderr,
-        )
+        note(f"{counts['pending']} of {counts.total()} are not computed yet: the time is up; the same command goes on")
     if failed:
-        told = ", ".join(f"{count} {name}" for name, count in failed.items())
-        print(
-            f"{sum(failed.values())} of {counts.total()} cells failed and are marked ({told}); "
-            f"see {journal.path}; compute them again with retry_failed=true",
-            file=sys.stderr,
+        why = ", ".join(f"{count} {name}" for name, count in failed.items())
+        complain(
+            f"{sum(failed.values())} of {counts.total()} cells failed and are marked ({why}); "
+            f"see {journal.path}; compute them again with retry_failed=true"
         )
-        return 1
-    return 0
+    return 1 if failed else 0

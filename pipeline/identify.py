@@ -8,22 +8,22 @@ from typing import Any
 
 import numpy as np
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Campaign, Responses, read_campaign, read_responses
 from chatter_core.evidence.campaign import MACHINE_FILE
 from chatter_core.evidence.identified_tip import FREQUENCY_ERROR, GAIN_ERROR, IdentifiedTip, identify_tip
-from chatter_core.evidence.identify import MOST_MODES, SEARCH
+from chatter_core.evidence.identify import SEARCH
 from chatter_core.evidence.measured import Receptance
 from chatter_core.machine import Machine, TipMode
-from chatter_core.reading import sentences
 from chatter_core.tip import AXES
 from chatter_core.units import si_factor
 from pipeline import identify_figure
 from pipeline.campaigns import remarks
 from pipeline.configuration import Words, compose_settings, sort_words
 from pipeline.locking import make_folder
+from pipeline.telling import fact, remark, say, wrote
+from pipeline.verbs.campaigns import IdentifyOptions
 
 #: What a machine needs beside its tip; nothing of it shows in a receptance.
 REST = ("tool", "cutting", "process")
@@ -31,32 +31,19 @@ REST = ("tool", "cutting", "process")
 DIGITS, DEVIATION_DIGITS = 6, 3
 
 
-class IdentifyOptions(BaseModel):
-    """What ``identify`` takes beside the machine whose tool, cutting and process are kept."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-    frf: Path | None = Field(default=None, description="file of receptances at the tool tip, CSV or universal")
-    campaign: Path | None = Field(default=None, description="folder of a campaign, with its machine")
-    modes: int | None = Field(default=None, ge=1, le=MOST_MODES, description="modes of every receptance")
-    lowest_frequency_hz: float = Field(default=0.0, ge=0, le=1e6, description="lines below are left out")
-    highest_frequency_hz: float = Field(default=1e6, gt=0, le=1e6, description="lines above are left out")
-    output: Path = Field(default=Path("results/identify/machine_tip.yaml"), description="machine file to write")
-
-
 def run(words: list[str]) -> int:
     """Identify the tip from measured receptances and write it as a machine; return the exit code."""
-    sorted_words = sort_words(words, tuple(IdentifyOptions.model_fields))
-    try:
-        options = IdentifyOptions.model_validate(sorted_words.options)
-    except ValidationError as error:
-        raise InvalidInput(sentences(error, IdentifyOptions)) from None
+    sorted_words = sort_words(words, IdentifyOptions.fields())
+    options = IdentifyOptions.read(sorted_words.options)
     source = _source(options, sorted_words)
     _check_output(options, sorted_words)
     measured, machine = _read(options, sorted_words)
     rest = {key: value for key, value in machine.described().items() if key in REST} if machine else {}
-    for line in _of_the_reader(measured):
-        print(line)
+    odd = _of_the_reader(measured)
+    for line in odd:
+        remark(line)
+    if odd:
+        say("")
     receptances = [_within(options, receptance) for receptance in measured.receptances if receptance.is_direct]
     try:
         found = identify_tip(receptances, mode_count=options.modes)
@@ -67,10 +54,11 @@ def run(words: list[str]) -> int:
     make_folder(options.output.parent)
     options.output.write_text(machine_file(found, rest, source.resolve().name), encoding="utf-8")
     pictures = identify_figure.write(found, options.output)
-    print(table(found))
-    print("\n".join(["", *_remarks(found, rest)]))
-    for path in [options.output, *pictures]:
-        print(f"written: {path}")
+    say(f"{table(found)}\n")
+    for line in _remarks(found, rest):
+        remark(line)
+    fact(**found.tip.described())
+    wrote([options.output, *pictures])
     return 0
 
 
@@ -159,9 +147,8 @@ def _source(options: IdentifyOptions, words: Words) -> Path:
     source = options.frf or options.campaign
     if source is None:
         raise InvalidInput(["frf: missing; needed: frf=FILE with receptances, or campaign=DIR"])
-    foreign = [*words.choices, *words.values, *(["machine"] if words.machine_file else [])]
-    if options.campaign is not None and foreign:
-        raise InvalidInput([f"{word}: not beside campaign, whose {MACHINE_FILE} is taken" for word in foreign])
+    if options.campaign is not None and words.of_machine:
+        raise InvalidInput([f"{word}: not beside campaign, whose {MACHINE_FILE} is taken" for word in words.of_machine])
     return source
 
 
@@ -170,8 +157,7 @@ def _read(options: IdentifyOptions, words: Words) -> tuple[Responses | Campaign,
     if options.campaign is not None:
         campaign = read_campaign(options.campaign)
         return campaign, campaign.machine
-    named = words.machine_file is not None or words.choices or words.values
-    machine = compose_settings(words).machine if named else None
+    machine = compose_settings(words).machine if words.of_machine else None
     assert options.frf is not None
     return read_responses(options.frf), machine
 
@@ -181,7 +167,7 @@ def _of_the_reader(measured: Responses | Campaign) -> list[str]:
     told = remarks(measured)
     told += [f"left out: {r}, a cross receptance" for r in measured.receptances if not r.is_direct]
     told += [f"left out: {r}, its line at 0 Hz" for r in measured.receptances if r.is_direct and not r.frequency[0]]
-    return [*told, ""] if told else []
+    return told
 
 
 def _within(options: IdentifyOptions, measured: Receptance) -> Receptance:

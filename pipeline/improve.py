@@ -1,12 +1,14 @@
 """Diagnose, add what is missing, calibrate again, and go on until nothing more is supported: the verb."""
 
 from pathlib import Path
+from typing import Any
 
-from pipeline import diagnosis_page, improvement_page, judging, model_file
+from pipeline import diagnosis_document, diagnosis_page, improvement_page, judging, model_file
 from pipeline.campaigns import Asked
 from pipeline.diagnosis import check_enough
 from pipeline.improvement import Improvement, improve
 from pipeline.judging import MODEL, Verb
+from pipeline.verbs.campaigns import ImproveOptions
 
 
 def run(words: list[str]) -> int:
@@ -20,6 +22,15 @@ def summary(found: Improvement) -> str:
     return f"{diagnosis_page.summary(found.diagnoses[0])}\n{table}"
 
 
+def facts(found: Improvement, campaign: str) -> dict[str, Any]:
+    """Return what scripts are told: what was added, the errors step by step, and the last diagnosis."""
+    return {
+        "added": found.added,
+        "history": found.history.to_dict(orient="records"),
+        "diagnosis": diagnosis_document.document(found.diagnoses[-1], campaign),
+    }
+
+
 def _write(found: Improvement, asked: Asked, output: Path) -> list[Path]:
     paths = improvement_page.write(found, asked.name, output)
     model_file.write(output / MODEL, asked.model.campaign.machine, found.final.fit, found.content)
@@ -31,11 +42,12 @@ def _lost(found: Improvement) -> int:
 
 
 VERB = Verb(
-    name="improve",
+    options=ImproveOptions,
     files=(*improvement_page.FILES, MODEL),
     check=check_enough,
     compute=improve,
     write=_write,
     summary=summary,
+    facts=facts,
     lost=_lost,
 )

@@ -1,6 +1,5 @@
 """Independent pieces of one answer, spread over a cluster, with progress."""
 
-import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from distributed.scheduler import KilledWorker
 
 from pipeline.cluster import POLL, RESULT_PATIENCE, Workers
 from pipeline.errors import WorkersLost
+from pipeline.telling import note
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,4 +82,4 @@ def _tell(done: int, total: int, name: str, began: float) -> None:
     """Tell how far the work is (stderr)."""
     spent = time.monotonic() - began
     left = spent / done * (total - done)
-    print(f"{done} of {total}: {name}; {spent:.0f} s, {left:.0f} s left", file=sys.stderr, flush=True)
+    note(f"{done} of {total}: {name}; {spent:.0f} s, {left:.0f} s left")

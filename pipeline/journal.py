@@ -11,10 +11,13 @@ from typing import Any
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS, WITH_RESULT
 from pipeline import store
+from pipeline.errors import is_damage
 from pipeline.kinds import kind_of
 from pipeline.places import Place
-from pipeline.store import now
+from pipeline.provenance import now
 from pipeline.study_place import study_place
+from pipeline.telling import fact, say
+from pipeline.verbs.stores import JournalOptions
 
 FILE = "journal.jsonl"
 #: What a line begins with: the checksum of all the rest of it, as if it stood alone; or none.
@@ -55,11 +58,14 @@ def _ends_a_line(path: Path) -> bool:
 
 def run(words: list[str]) -> int:
     """Tell what happened in the runs of a study."""
-    place, _ = study_place(words, "journal")
+    place, _ = study_place(words, JournalOptions)
     path = place.make_output() / FILE
     if not path.exists():
         raise InvalidInput([f"{path}: there is no journal; it is written where a study is computed"])
-    print("\n".join(sentences(*read(path), _places(place))))
+    events, torn = read(path)
+    kept = list(events)
+    fact(events=kept, torn_lines=torn)
+    say("\n".join(sentences(kept, torn, _places(place))))
     return 0
 
 
@@ -74,8 +80,14 @@ def torn_lines(path: Path) -> int:
 
 
 def _lines(path: Path) -> Iterator[Event | None]:
-    with path.open(encoding="utf-8", errors="replace", newline="\n") as file:
-        yield from (_event(line.removesuffix("\n")) for line in file)
+    try:
+        with path.open(encoding="utf-8", errors="replace", newline="\n") as file:
+            yield from (_event(line.removesuffix("\n")) for line in file)
+    except OSError as error:
+        if not is_damage(error):
+            raise
+        # From here on the disk has lost it.
+        yield None
 
 
 def _event(line: str) -> Event | None:
@@ -143,7 +155,7 @@ def _told(event: Event, place: Callable[[Event], str]) -> str:
     if kind == "workers":
         return f"workers: {event['cluster']}, to be watched at {event['pages']}"
     if kind == "stopped":
-        return f"stopped by {event['signal']}"
+        return f"stopped by {event['signal']}" + (f"; goes on with: {event['again']}" if "again" in event else "")
     counts = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in event["counts"].items())
     if kind == "end":
         return f"ended: {counts}"

@@ -5,26 +5,24 @@ It never takes the place of what was measured, of what is read, or of what was s
 """
 
 import json
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
-from pydantic import Field
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import CampaignModel
 from chatter_core.reading import shown
 from pipeline import comparison_document, diagnosis_document
-from pipeline.campaigns import WORDS, Asked, CampaignOptions, options_of, read
+from pipeline.campaigns import Asked, options_of, read
 from pipeline.cluster import Workers, open_client
 from pipeline.configuration import sort_words
-from pipeline.errors import StoreInUse
-from pipeline.locking import locked, make_folder, remove_empty
+from pipeline.locking import held_for_results
+from pipeline.telling import complain, fact, say, wrote
+from pipeline.verbs.campaigns import JudgingOptions
 
 #: What becomes of an answer that has lost its workers.
 NOT_KEPT = "the same command begins again"
@@ -36,27 +34,23 @@ MODEL = "model.yaml"
 DOCUMENTS = (comparison_document.DOCUMENT, diagnosis_document.DOCUMENT)
 
 
-class JudgingOptions(CampaignOptions):
-    """Which campaign, seen through which model, and where the answer goes."""
-
-    output: Path | None = Field(default=None, description="folder for the answer")
-
-
 @dataclass(frozen=True, kw_only=True)
 class Verb(Generic[Found]):
     """A verb that judges a model by a campaign.
 
-    name; files: all that its answers may consist of; check: raises InvalidInput where a campaign is not enough;
-    compute: the answer; write: puts it into a folder and returns the paths; summary: for a terminal; lost: how many
-    data the answer's model has nothing to say of.
+    options: what it takes; files: all that its answers may consist of; check: raises InvalidInput where a
+    campaign is not enough; compute: the answer; write: puts it into a folder and returns the paths; summary: for a
+    terminal; facts: for scripts, with the campaign's name in them; lost: how many data the answer's model has nothing
+    to say of.
     """
 
-    name: str
+    options: type[JudgingOptions]
     files: tuple[str, ...]
     check: Callable[[CampaignModel], None]
     compute: Callable[[Workers | None, Asked], Found]
     write: Callable[[Found, Asked, Path], list[Path]]
     summary: Callable[[Found], str]
+    facts: Callable[[Found, str], dict[str, Any]]
     lost: Callable[[Found], int]
 
 
@@ -66,24 +60,24 @@ def run(verb: Verb[Found], words: list[str]) -> int:
     Raises InvalidInput for bad input and where the answer cannot be written, StoreInUse where another run holds
     its folder.
     """
-    sorted_words = sort_words(words, (*JudgingOptions.model_fields, *WORDS))
-    options = options_of(sorted_words, JudgingOptions, verb.name)
+    sorted_words = sort_words(words, verb.options.fields())
+    options = options_of(sorted_words, verb.options)
     with threadpool_limits(1):
         asked = read(options, sorted_words)
         verb.check(asked.model)
-        output = options.output or Path("results") / f"{verb.name}-{asked.name}"
+        output = options.output or Path("results") / f"{options.verb()}-{asked.name}"
         _refuse_loss(verb.files, output, options, asked)
-        with _held(output):
+        with held_for_results(output):
             with open_client(asked.cluster) as client:
                 workers = None if client is None else Workers(client, asked.cluster.patience, NOT_KEPT)
                 found = verb.compute(workers, asked)
             written = _write(verb, found, asked, output)
-    print(verb.summary(found))
-    for path in written:
-        print(f"written: {path}")
+    say(verb.summary(found))
+    fact(campaign=asked.name, **verb.facts(found, asked.name))
+    wrote(written)
     lost = verb.lost(found)
     if lost:
-        print(f"error: the calibrated model has no answer for {lost} data; they count as far off", file=sys.stderr)
+        complain(f"the calibrated model has no answer for {lost} data; they count as far off")
     return 1 if lost else 0
 
 
@@ -107,28 +101,6 @@ def _campaign_of(document: Path) -> str | None:
         return str(json.loads(document.read_text(encoding="utf-8"))["campaign"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
-
-
-@contextmanager
-def _held(output: Path) -> Iterator[None]:
-    """Hold the folder of an answer; where there is none in the end, no folder that was made for it stays.
-
-    Raises InvalidInput when it cannot be written, StoreInUse when another run holds it.
-    """
-    new = [folder for folder in (output, *output.parents) if not folder.exists()]
-    try:
-        make_folder(output)
-        with locked(output):
-            yield
-    except StoreInUse:
-        # What is there belongs to the other run.
-        raise
-    except BaseException as error:
-        for folder in new:
-            remove_empty(folder)
-        if isinstance(error, OSError):
-            raise InvalidInput([f"output: {output} cannot be written: {error.strerror or error}"]) from None
-        raise
 
 
 def _write(verb: Verb[Found], found: Found, asked: Asked, output: Path) -> list[Path]:

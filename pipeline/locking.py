@@ -1,5 +1,6 @@
 """A folder of results that one run holds alone."""
 
+import errno
 import json
 import os
 import socket
@@ -12,6 +13,9 @@ from filelock import FileLock, Timeout
 
 from chatter_core.errors import InvalidInput
 from pipeline.errors import StoreInUse
+
+#: What a file system answers that keeps no locks, or whose server keeps none.
+NO_LOCKS = {errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK}
 
 
 def make_folder(output: Path) -> None:
@@ -28,7 +32,8 @@ def make_folder(output: Path) -> None:
 def locked(output: Path) -> Iterator[None]:
     """Hold the folder for this run; the lock frees itself when the process dies, however it dies."""
     holder = output / "lock.json"
-    lock = FileLock(output / ".lock", timeout=0)
+    # Without locks of the file system the library would take the mere file for one; whoever is killed leaves that.
+    lock = FileLock(output / ".lock", timeout=0, fallback_to_soft=False)
     try:
         lock.acquire()
     except Timeout:
@@ -39,6 +44,9 @@ def locked(output: Path) -> Iterator[None]:
             who = "another process"
         raise StoreInUse(f"{output}: in use by {who}; wait for it, or choose another folder with output=DIR") from None
     except OSError as error:
+        if error.errno in NO_LOCKS:
+            why = f"its file system keeps no locks (flock: {error.strerror}), so that two runs could take it at once"
+            raise InvalidInput([f"output: {output} cannot be used: {why}; choose a folder elsewhere"]) from None
         raise InvalidInput([f"output: {output} cannot be written: {error.strerror}"]) from None
     try:
         since = datetime.now(UTC).isoformat(timespec="seconds")
@@ -55,3 +63,25 @@ def remove_empty(output: Path) -> None:
         for name in (".lock", "lock.json"):
             (output / name).unlink(missing_ok=True)
         output.rmdir()
+
+
+@contextmanager
+def held_for_results(output: Path) -> Iterator[None]:
+    """Hold a folder for results; where there is none in the end, no folder that was made for it stays.
+
+    Raises InvalidInput when it cannot be written, StoreInUse when another run holds it.
+    """
+    new = [folder for folder in (output, *output.parents) if not folder.exists()]
+    try:
+        make_folder(output)
+        with locked(output):
+            yield
+    except StoreInUse:
+        # What is there belongs to the other run.
+        raise
+    except BaseException as error:
+        for folder in new:
+            remove_empty(folder)
+        if isinstance(error, OSError):
+            raise InvalidInput([f"output: {output} cannot be written: {error.strerror or error}"]) from None
+        raise

@@ -10,6 +10,7 @@ from typing import Any
 
 from pipeline.errors import StoreUnavailable
 from pipeline.places import Place
+from pipeline.provenance import now
 
 #: Name of a document in a store, of the attribute that seals the root's, and of its copy beside the store.
 DOCUMENT, SEAL, COPY = "zarr.json", "checksum", "metadata.json"
@@ -34,6 +35,28 @@ def update(place: Place, **changes: Any) -> None:
     # The copy comes second: a run that is killed between leaves an older one, which its seal shows to be whole.
     for key in (root_of(place), COPY):
         place.write(key, sealed)
+
+
+def identity(place: Place) -> str:
+    """Return what tells a store from every other that was in its place, and from itself before ``begin`` or a packing.
+
+    Empty where there is none.
+    """
+    try:
+        said = attributes(place)
+    except FileNotFoundError:
+        return ""
+    fixed = (said.get(name) for name in ("fingerprint", "entries_per_chunk", "created", "packed"))
+    return " ".join(map(str, (*fixed, len(said["history"]))))
+
+
+def begin(place: Place, what: str) -> str:
+    """Note in the history of a store what begins, and return its identity from then on.
+
+    Tasks that were handed out before bear another one, and write nothing more.
+    """
+    update(place, complete=False, history=[*attributes(place)["history"], f"{now()} {what}"])
+    return identity(place)
 
 
 def reseal(place: Place, name: str, **changes: Any) -> None:

@@ -10,6 +10,7 @@ import dask
 from chatter_core.errors import InvalidInput
 from pipeline.cluster import CONFIGURATION, LOOPBACK
 from pipeline.queue_jobs import missing_extra
+from pipeline.telling import program
 
 #: What Dask's processes say of themselves is nothing that a user could use.
 QUIET = {"logging": {"distributed": "critical"}}
@@ -31,7 +32,7 @@ def joined() -> Iterator[bool]:
     processes = MPI.COMM_WORLD.Get_size()
     if processes < 3:
         needed = f"kind 'mpi' takes 3 processes at least, a scheduler, a driver and workers; found {processes}"
-        raise InvalidInput([f"cluster: {needed}. Say: mpirun -n 4 python -m pipeline ..."])
+        raise InvalidInput([f"cluster: {needed}. Say: mpirun -n 4 {program()} ..."])
     with ExitStack() as started:
         scratch = started.enter_context(TemporaryDirectory(prefix="chatter-"))
         started.enter_context(dask.config.set({**CONFIGURATION, **QUIET, "temporary-directory": scratch}))

@@ -12,7 +12,10 @@ from pipeline import metadata, store, survey
 from pipeline.places import Folder
 from pipeline.places.folder import PACKING
 from pipeline.progress import Meter
+from pipeline.provenance import now
 from pipeline.study_place import study_place
+from pipeline.telling import command, fact, say
+from pipeline.verbs.stores import PackOptions
 
 #: What a shard holds at most, uncompressed [bytes]: it is written in one piece.
 SHARD_BYTES = 128 * 1024**2
@@ -20,14 +23,15 @@ SHARD_BYTES = 128 * 1024**2
 
 def run(words: list[str]) -> int:
     """Pack the store of a finished study."""
-    place, _ = study_place(words, "pack")
+    place, _ = study_place(words, PackOptions)
     if not isinstance(place, Folder):
         raise InvalidInput(
             [f"{place}: pack is for stores in folders; copy this one into a folder of this machine and pack it there"]
         )
     with place.held():
         before, after = pack(place)
-    print(f"{place.where(place.root)}: {before} files, now {after}")
+    say(f"{place.where(place.root)}: {before} files, now {after}")
+    fact(store=place.where(place.root), files_before=before, files_now=after)
     return 0
 
 
@@ -50,7 +54,7 @@ def pack(place: Folder) -> tuple[int, int]:
         for name in chunked:
             _pack_variable(group, packing, name)
             meter.advance(1)
-    metadata.reseal(place, PACKING, packed=store.now())
+    metadata.reseal(place, PACKING, packed=now())
     place.exchange()
     store.forget()
     metadata.refresh_copy(place)
@@ -77,7 +81,7 @@ def _require_finished(place: Folder) -> None:
     where = place.where(place.root)
     damaged = sum(len(found) for _, found in survey.damaged(place))
     if damaged:
-        first = f"python -m pipeline verify {place.option} repair=true"
+        first = command("verify", place.option, "repair=true")
         raise InvalidInput([f"{where}: {damaged} chunks are damaged; first: {first}"])
     pending = sum(int((tally[:, STATUS["pending"]] > 0).sum()) for _, tally in survey.tallies(place))
     if pending:

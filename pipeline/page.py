@@ -6,7 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
 from jinja2 import Environment, PackageLoader, select_autoescape
+
+from pipeline.telling import command
 
 #: Bytes of tables that a page offers together.
 DOWNLOADS = 600_000
@@ -21,12 +25,27 @@ class PageTable:
     rows: list[list[str]]
 
 
+def cell(value: Any) -> str:
+    """Return a value as a table on a page has it: numbers of at most five digits, nothing for one that is not known."""
+    if not isinstance(value, float | np.floating):
+        return str(value)
+    return "" if np.isnan(value) else f"{value:.5g}"
+
+
+def table_of(title: str, frame: pd.DataFrame) -> PageTable:
+    """Return a table as a page has it."""
+    columns = [str(name).replace("_", " ") for name in frame.columns]
+    # By columns: a row of mixed types would turn its whole numbers into others.
+    cells = [[cell(value) for value in frame[name]] for name in frame.columns]
+    return PageTable(title=title, columns=columns, rows=[list(row) for row in zip(*cells, strict=True)])
+
+
 def provenance(attributes: Mapping[str, Any], verb: str) -> list[tuple[str, str]]:
     """Return where a store comes from, as a page tells it; verb: that computed it."""
     versions = ", ".join(f"{name} {number}" for name, number in attributes["versions"].items())
     return [
         ("fingerprint", attributes["fingerprint"]),
-        ("command", f"python -m pipeline {verb} " + " ".join(attributes["command"])),
+        ("command", command(verb, *attributes["command"])),
         ("code", attributes["code"]),
         ("versions", versions),
         ("platform", attributes["platform"]),

@@ -22,6 +22,8 @@ from pipeline.findings import HIGH_SPEED, LOW_SPEED, Evidence, Finding, computin
 from pipeline.locking import make_folder
 from pipeline.places import Folder, Place
 from pipeline.settings import Settings
+from pipeline.telling import fact, say, wrote
+from pipeline.verbs.studies import PaperOptions
 
 #: Preloads [N] and speeds [rpm] at which a bearing is looked at alone.
 PRELOADS = (50.0, 100.0, 200.0, 400.0)
@@ -50,7 +52,8 @@ FEWEST_SPEEDS = 10
 
 def run(words: list[str]) -> int:
     """Compute both studies of the paper, draw its figures and write what holds; return the exit code."""
-    sorted_words = sort_words(words, ("output",))
+    sorted_words = sort_words(words, PaperOptions.fields())
+    options = PaperOptions.read(sorted_words.options)
     problems = [
         f"{key}: not for paper, which has its own two studies; grid.spindle_speed_rpm and others may be changed"
         for key in (*sorted_words.choices, *(word.partition("=")[0] for word in sorted_words.values))
@@ -69,7 +72,7 @@ def run(words: list[str]) -> int:
                 f"at least {FEWEST_SPEEDS} from below {LOW_SPEED:g} to above {HIGH_SPEED:g}"
             ]
         )
-    output = Path(sorted_words.options.get("output", "results/paper"))
+    output = options.output
     make_folder(output)
     codes = [execution.execute(settings[name], Folder(output / name), argv=words) for name in STUDIES]
     if any(code not in (0, 1) for code in codes):
@@ -81,9 +84,9 @@ def run(words: list[str]) -> int:
     page = output / "paper.md"
     page.write_text(table(found, computing_time(evidence), pictures), encoding="utf-8")
     for finding in found:
-        print(f"{finding.name:7} {finding.holds:8} {finding.found}")
-    for file in [*pictures, page]:
-        print(f"written: {file}")
+        say(f"{finding.name:7} {finding.holds:8} {finding.found}")
+    fact(findings=[{"name": one.name, "holds": one.holds, "found": one.found} for one in found])
+    wrote([*pictures, page])
     return max(codes)
 
 

@@ -4,6 +4,7 @@ A plot shows what belongs to one combination of choices. Its data for all combin
 a script there exchanges them.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -19,10 +20,12 @@ BETWEEN = "|"
 #: Parts of the plot library that pages need.
 PARTS = ["bokeh", "bokeh-widgets"]
 HEIGHT = 380
-#: Width of a choice.
-SELECT_WIDTH = 220
-#: Names of lines side by side in a key, as many as fit on a phone.
-ABREAST = 4
+#: Width of a choice, and of one that reads as a sentence.
+SELECT_WIDTH, WIDE = 220, 460
+#: No wider than a phone's page.
+ON_PHONES = {"max-width": "calc(100vw - 3rem)"}
+#: Names of lines side by side in a key, and characters of them with their marks, as many as fit on a phone.
+ABREAST, ACROSS, OF_A_MARK = 4, 52, 4
 TOOLS = "pan,wheel_zoom,box_zoom,reset,save"
 #: Widgets live in shadows of their own; the page's colours reach in there as properties.
 WIDGET_STYLE = (
@@ -59,6 +62,7 @@ class Choices:
                 options=list(options.items()),
                 stylesheets=[WIDGET_STYLE],
                 width=width,
+                styles=ON_PHONES,
                 visible=len(options) > 1,
             )
             for title, options in titles.items()
@@ -128,13 +132,15 @@ def plot(title: str, x: str, y: str, height: int = HEIGHT, **options: Any) -> fi
 
 def hover(renderers: Sequence[Any], rows: Sequence[tuple[str, str]]) -> HoverTool:
     """Return what is told beside the pointer: rows of a title and a column."""
-    return HoverTool(renderers=list(renderers), tooltips=list(rows))
+    printed = {column: "printf" for _, told in rows for column in re.findall(r"(@\w+)\{%", told)}
+    return HoverTool(renderers=list(renderers), tooltips=list(rows), formatters=printed)
 
 
 def add_key(made: figure, entries: Mapping[str, Sequence[Any]]) -> None:
     """Add a key that lies flat above a plot, of renderers by name; a click on a name hides or shows its own."""
     key = Legend(items=[(name, list(renderers)) for name, renderers in entries.items()])
-    key.orientation, key.ncols, key.location, key.margin, key.padding = "horizontal", ABREAST, "left", 0, 0
+    key.orientation, key.location, key.margin, key.padding = "horizontal", "left", 0, 0
+    key.ncols = max(1, min(ABREAST, ACROSS // (max(map(len, entries)) + OF_A_MARK)))
     key.click_policy = "hide"
     key.background_fill_alpha, key.border_line_alpha = 0.0, 0.0
     made.add_layout(key, "above")

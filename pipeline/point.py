@@ -2,56 +2,34 @@
 
 import json
 import math
-import sys
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from chatter_core.chain import Structure, structure
 from chatter_core.errors import InvalidInput
 from chatter_core.floquet import MethodSettings
 from chatter_core.lobes import evaluate_to_tolerance, lobe_block
-from chatter_core.machine import LEAST_PRELOAD, MOST_PRELOAD, Machine
-from chatter_core.reading import sentences
+from chatter_core.machine import Machine
 from chatter_core.stages import Stages, stages_of
 from chatter_core.tip import AXES, most_modes
 from chatter_core.units import si_factor
 from chatter_core.variables import BIFURCATION, STATUS
-from pipeline.configuration import EFFECTS, EFFECTS_PATH, compose_settings, modal_parameters_of, sort_words
+from pipeline.configuration import BASES, compose_settings, sort_words
 from pipeline.locking import make_folder
+from pipeline.telling import complain, fact, say, wrote
+from pipeline.verbs.studies import PointOptions
 
 #: Modes kept on each axis of a spindle unless told otherwise.
 USUAL_MODES = 4
 
 
-class PointOptions(BaseModel):
-    """What ``point`` takes beside machine and method."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-    spindle_speed_rpm: float = Field(gt=0, le=1e6, description="spindle speed")
-    axial_depth_mm: float = Field(ge=1e-6, le=1e4, description="axial depth of cut")
-    preload_n: float | None = Field(
-        default=None, ge=LEAST_PRELOAD, le=MOST_PRELOAD, description="axial preload on every single bearing"
-    )
-    modes: int | None = Field(default=None, ge=1, le=100, description="modes kept on each axis")
-    modal_parameters: Literal["dynamic", "static"] = Field(default="dynamic", description="bearings at speed or rest")
-    format: Literal["text", "json"] = Field(default="text", description="text or json")
-    output: Path | None = Field(default=None, description="folder for point.json")
-
-
 def run(words: list[str]) -> int:
     """Answer one operating point; return the exit code."""
-    sorted_words = sort_words(words, (*PointOptions.model_fields, EFFECTS, EFFECTS_PATH, "base"))
-    own = {key: value for key, value in sorted_words.options.items() if key in PointOptions.model_fields}
+    sorted_words = sort_words(words, PointOptions.fields())
+    options = PointOptions.read(sorted_words.options)
     if "base" in sorted_words.options:
-        own["modal_parameters"] = modal_parameters_of(sorted_words.options["base"])
-    try:
-        options = PointOptions.model_validate(own)
-    except ValidationError as error:
-        raise InvalidInput(sentences(error, PointOptions)) from None
+        options = options.model_copy(update={"modal_parameters": BASES[options.base]})
     settings = compose_settings(sorted_words)
     machine = settings.machine
     if options.preload_n is not None:
@@ -65,12 +43,14 @@ def run(words: list[str]) -> int:
     except InvalidInput as error:
         # The chain speaks of mode_count, which is called modes here.
         raise InvalidInput([problem.replace("mode_count:", "modes:", 1) for problem in error.problems]) from None
-    text = json.dumps(answer, indent=2)
+    fact(**answer)
+    say(_readable(answer, options))
     if options.output is not None:
-        (options.output / "point.json").write_text(text + "\n")
-    print(text if options.format == "json" else _readable(answer, options))
+        file = options.output / "point.json"
+        file.write_text(json.dumps(answer, indent=2) + "\n")
+        wrote([file])
     if answer["status"] != "ok":
-        print(f"error: no result at this point, status {answer['status']}: {answer['reason']}", file=sys.stderr)
+        complain(f"no result at this point, status {answer['status']}: {answer['reason']}")
         return 1
     return 0
 

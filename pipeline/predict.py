@@ -1,12 +1,10 @@
 """What a model says of cuts that are planned: their table, with what is predicted beside it."""
 
 import os
-import sys
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from pydantic import Field
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
@@ -15,22 +13,17 @@ from chatter_core.evidence.measured import DIRECTIONS, PLANNED, Trials
 from chatter_core.evidence.planned import PlannedCuts, planned_campaign, predict_planned
 from chatter_core.units import si_factor
 from chatter_core.variables import STATUS
-from pipeline.campaigns import WORDS, CampaignOptions, model_of, options_of, read
+from pipeline.campaigns import model_of, options_of, read
 from pipeline.configuration import sort_words
 from pipeline.locking import make_folder
-
-
-class PredictOptions(CampaignOptions):
-    """What ``predict`` takes."""
-
-    trials: Path = Field(description="table of planned cuts: as stability.csv, but not judged")
-    predictions: Path = Field(description="table to write")
+from pipeline.telling import complain, fact, say, wrote
+from pipeline.verbs.campaigns import PredictOptions
 
 
 def run(words: list[str]) -> int:
     """Predict planned cuts and write them; return the exit code."""
-    sorted_words = sort_words(words, (*PredictOptions.model_fields, *WORDS))
-    options = options_of(sorted_words, PredictOptions, "predict")
+    sorted_words = sort_words(words, PredictOptions.fields())
+    options = options_of(sorted_words, PredictOptions)
     _refuse_loss(options)
     with threadpool_limits(1):
         asked = read(options, sorted_words)
@@ -42,10 +35,12 @@ def run(words: list[str]) -> int:
     _write(options.predictions, table(trials, found).iloc[order].to_csv(index=False, float_format="%.8g"))
     failed = int((found.status != STATUS["ok"]).sum())
     chatter = int((found.margin > 0.0).sum())
-    print(f"{len(trials)} cuts: {chatter} predicted with chatter, {len(trials) - chatter - failed} stable")
-    print(f"written: {options.predictions}")
+    stable = len(trials) - chatter - failed
+    say(f"{len(trials)} cuts: {chatter} predicted with chatter, {stable} stable")
+    fact(campaign=asked.name, cuts=len(trials), cuts_chatter=chatter, cuts_stable=stable, cuts_failed=failed)
+    wrote([options.predictions])
     if failed:
-        print(f"error: no result for {failed} cuts; the column status says why", file=sys.stderr)
+        complain(f"no result for {failed} cuts; the column status says why")
     return 1 if failed else 0
 
 

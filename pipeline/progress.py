@@ -1,15 +1,36 @@
 """Progress on a terminal or in a log."""
 
-import sys
 import time
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
 from types import TracebackType
-from typing import Self
+from typing import Self, TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from pipeline.telling import bars, note
+
 #: Seconds between two lines where there is no terminal.
 LINE_INTERVAL = 10.0
+#: Seconds before it is shown how far something is that mostly takes no time.
+PATIENCE = 2.0
+
+Given = TypeVar("Given")
+
+
+def watched(given: Iterable[Given], total: int, what: str) -> Iterator[Given]:
+    """Yield what is given, so many in all, and show how far it is where that takes long."""
+    started, done = time.monotonic(), 0
+    with ExitStack() as shown:
+        meter = None
+        for one in given:
+            yield one
+            done += 1
+            if meter:
+                meter.advance(1)
+            elif time.monotonic() - started > PATIENCE:
+                meter = shown.enter_context(Meter(total, done, what))
 
 
 class Meter:
@@ -28,7 +49,7 @@ class Meter:
             TextColumn("left"),
             TimeRemainingColumn(),
             console=console,
-        ) if console.is_terminal else None  # fmt: skip
+        ) if bars() and not console.is_dumb_terminal else None  # fmt: skip
         self.task = self.bar.add_task(what, total=total, completed=done, rate=0.0) if self.bar else None
 
     def __enter__(self) -> Self:
@@ -57,4 +78,4 @@ class Meter:
             left = (self.total - self.done) / max(self.rate, 1e-9)
             share = 100.0 * self.done / self.total
             how_far = f"{self.done} of {self.total} {self.what} ({share:.0f} %)"
-            print(f"{how_far}, {self.rate:.0f} {self.what}/s, {left:.0f} s left", file=sys.stderr, flush=True)
+            note(f"{how_far}, {self.rate:.0f} {self.what}/s, {left:.0f} s left")

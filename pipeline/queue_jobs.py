@@ -12,7 +12,6 @@ import re
 import shlex
 import shutil
 import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -29,6 +28,7 @@ from distributed.security import Security
 from chatter_core.errors import InvalidInput
 from pipeline.errors import WorkersLost
 from pipeline.settings import QueueJobs
+from pipeline.telling import note
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,7 +163,7 @@ class KeptJobs:
                     self._replace(living)
                 except OSError as error:
                     # A log that cannot be read, a process that cannot be started: the next look may find better.
-                    print(f"the jobs could not be looked after: {error}", file=sys.stderr, flush=True)
+                    note(f"the jobs could not be looked after: {error}")
 
     def _replace(self, living: set[str]) -> None:
         """Submit a job for every one that is not among the living any more."""
@@ -179,14 +179,14 @@ class KeptJobs:
                 self._in_vain += 1
                 self._last_words = _last_words(self.folder, job.job_id)
                 how = f"has ended before a worker came; {self._last_words}"
-            print(f"job {job.job_id} {how}", file=sys.stderr, flush=True)
+            note(f"job {job.job_id} {how}")
         asyncio.run(_cancelled(ended))
         while len(self._jobs) < self.number and self._in_vain < MOST_IN_VAIN:
             try:
-                print(f"job {self._submit().job_id} is submitted in its place", file=sys.stderr, flush=True)
+                note(f"job {self._submit().job_id} is submitted in its place")
             except REFUSALS as error:
                 # The queue may take it at the next look; who waits for workers loses patience on its own.
-                print(f"the queue refuses a job: {_complaint(error)}", file=sys.stderr, flush=True)
+                note(f"the queue refuses a job: {_complaint(error)}")
                 return
 
 

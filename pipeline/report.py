@@ -12,23 +12,25 @@ import xarray as xr
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS, WITH_RESULT
 from pipeline import figures, page, store, survey, tables
-from pipeline.best_cuts import DEPTH_MARGIN, SPEED_MARGIN, best_cuts
+from pipeline.best_cuts import best_cuts
 from pipeline.chunks import Chunks
 from pipeline.kinds import kind_of
 from pipeline.lobes import crossover_speeds, dominance, most_misjudged, stability_limit
 from pipeline.page import PageTable, provenance
 from pipeline.places import LOBES, Place
 from pipeline.plots import embed
+from pipeline.settings import margins_of
 from pipeline.study_place import study_place
 from pipeline.study_plots import CHOICE, study_plots
+from pipeline.telling import fact, wrote
+from pipeline.verbs.stores import ReportOptions
 
 #: Rows of a table on the page; the CSV files hold all.
 PAGE_ROWS = 24
 #: Ranges of one dominant mode that a sentence holds; the CSV file holds all.
 SENTENCE_RANGES = 6
 CAPTIONS = {
-    "lobes": "A click on a line's name hides or shows it. The star is the cut that removes most, "
-    f"{100.0 * DEPTH_MARGIN:.0f} % below the boundary at all speeds within {100.0 * SPEED_MARGIN:.0f} %.",
+    "lobes": "A click on a line's name hides or shows it. The star: the cut that removes most with the chosen margins.",
     "dominant_mode": "The mode that holds the largest share of the critical motion's energy; the line is the boundary.",
     "spectral_radius": "Bearings at the spindle's speed, as in the map above, where the study has both kinds.",
 }
@@ -49,18 +51,22 @@ MOST_LINES, MOST_CELLS = 50_000, 4_000_000
 
 def run(words: list[str]) -> int:
     """Write the report of a folder again; return the exit code."""
-    place, _ = study_place(words, "report")
-    for file in kind_of(place).report(place):
-        print(f"written: {file}")
+    place, options = study_place(words, ReportOptions)
+    fact(store=place.where(place.root))
+    wrote(kind_of(place).report(place, **options.margins))
     return 0
 
 
-def write(place: Place) -> list[Path]:
-    """Write tables, figures and report.html of the store in a place; return the paths."""
+def write(place: Place, **margins: float) -> list[Path]:
+    """Write tables, figures and report.html of the store in a place; return the paths.
+
+    margins: of the best cuts by their keys, in the place of those that the store's last run named.
+    """
     group, counts = store.check(place), survey.counts(place)
-    step = _step(store.chunks(group))
+    step = shown_step(store.chunks(group))
     with store.readable(place) as opened:
         lobes = opened.isel(spindle_speed=slice(None, None, step)).load()
+    lobes.attrs["margins"] = {**margins_of(lobes.attrs).said, **margins}
     hollow = int((lobes["status"].isin(WITH_RESULT) & lobes["spectral_radius"].isnull()).sum())
     if hollow:
         where = place.where(LOBES)
@@ -75,7 +81,7 @@ def write(place: Place) -> list[Path]:
     return [*written, html]
 
 
-def _step(every: Chunks) -> int:
+def shown_step(every: Chunks) -> int:
     """Return that every so manieth speed is shown, 1 for all: what a report holds is limited, however large a study."""
     lines, cells = every.all_cells // every.each, every.all_cells
     return max(1, -(-lines // MOST_LINES), -(-cells // MOST_CELLS))
@@ -174,6 +180,7 @@ def _best_table(lobes: xr.Dataset) -> PageTable:
     """Return the cuts that remove most with all modes, and bearings at the spindle's speed where there are both."""
     cuts = best_cuts(lobes.isel(modal_parameters=[0]))
     cuts = cuts[cuts["mode_count"] == cuts["mode_count"].max()]
+    title = f"Cuts that remove most, {margins_of(lobes.attrs)}"
     columns = ["preload, N", "speed, rpm", "depth, mm", "removal rate, cm\N{SUPERSCRIPT THREE}/min", "boundary"]
     rows = [
         [
@@ -182,7 +189,7 @@ def _best_table(lobes: xr.Dataset) -> PageTable:
         ]
         for cut in cuts.itertuples()
     ]
-    return PageTable(title="Cuts that remove most, with margins in depth and speed", columns=columns, rows=rows)
+    return PageTable(title=title, columns=columns, rows=rows)
 
 
 def _limits_table(lobes: xr.Dataset, preload: float) -> PageTable:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from SALib.analyze import pawn, sobol
+from SALib.analyze import sobol
 from scipy import stats
 
 from pipeline.dataset_tables import inputs_table, limit_or_deepest
@@ -80,14 +80,24 @@ def _indices(keys: list[str], lowest: np.ndarray, known: np.ndarray) -> tuple[pd
 def _of_given(keys: list[str], numbers: np.ndarray, logarithm: np.ndarray) -> tuple[pd.DataFrame, str]:
     """Return how far each input moves the distribution, and to which side, of any sample."""
     varies = np.ptp(numbers, axis=0) > 0.0
-    names = [key for key, those in zip(keys, varies, strict=True) if those]
-    problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
     distance, correlation = np.zeros((2, len(keys)))
-    distance[varies] = pawn.analyze(problem, numbers[:, varies], logarithm, S=CLASSES)["median"]
+    distance[varies] = [_distance(column, logarithm) for column in numbers[:, varies].T]
     correlation[varies] = [stats.spearmanr(column, logarithm).statistic for column in numbers[:, varies].T]
     table = _table(keys, {"rank_correlation": correlation, "distance": distance}, "distance")
     text = "Distance between the distribution of the lowest limit depth and that with one input known (PAWN, 0 to 1)."
     return table, text
+
+
+def _distance(known: np.ndarray, told: np.ndarray) -> float:
+    """Return the PAWN index: the median Kolmogorov-Smirnov distance of what is told (row,) where ``known`` is known.
+
+    Of few values each is a class; classes of many are about equally large. SALib's are half-open and leave out the
+    largest value, which of a choice among two is half of what there is to know.
+    """
+    values = np.unique(known)
+    edges = values[1:] if len(values) <= CLASSES else np.quantile(known, np.arange(1, CLASSES) / CLASSES)
+    classes = np.searchsorted(edges, known, side="right")
+    return float(np.median([stats.ks_2samp(told[classes == one], told).statistic for one in np.unique(classes)]))
 
 
 def _table(keys: list[str], columns: dict[str, Any], by: str) -> pd.DataFrame:

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
@@ -18,6 +18,7 @@ from chatter_core.machine import LEAST_PRELOAD, MOST_PRELOAD, Machine, no_truth_
 from chatter_core.reading import sentences
 from chatter_core.stages import Stages
 from chatter_core.variables import MODAL_PARAMETERS
+from pipeline.verbs.options import ALL_DEPTH, MOST_SPEED
 
 #: Raised when the meaning of what a store holds changes.
 STORE_VERSION = 2
@@ -188,10 +189,9 @@ class Cluster(Part):
     workers: Annotated[int, Field(ge=1, le=1024)] | None = Field(default=None, description="workers; none: one a core")
     address: str | None = Field(default=None, description="address of a running scheduler")
     job: QueueJobs | None = Field(default=None, description="jobs of a queue")
-    cells_per_task: int = Field(
-        default=1500, ge=1, le=10_000_000, description="cells of a chunk; about a second at a millisecond a cell"
+    cells_per_task: Annotated[int, Field(ge=1, le=10_000_000)] | None = Field(
+        default=None, description="cells of a chunk; null: a second or two, and less where a study is small"
     )
-
     time_limit: Annotated[float, Field(gt=0.0, le=1e7)] | None = Field(
         default=None, alias="time_limit_s", description="seconds for a chunk, then its worker is ended; null: no limit"
     )
@@ -223,6 +223,33 @@ class Cluster(Part):
         return self
 
 
+class Margins(Part):
+    """How far a cut that is recommended keeps from its boundary; nothing that is computed depends on it."""
+
+    depth: float = Field(
+        default=10.0,
+        ge=0.0,
+        lt=ALL_DEPTH,
+        alias="depth_percent",
+        description="share of the limit depth that is kept free",
+    )
+    speed: float = Field(
+        default=2.0,
+        ge=0.0,
+        le=MOST_SPEED,
+        alias="speed_percent",
+        description="by how much a spindle may miss its speed",
+    )
+
+    def __str__(self) -> str:
+        return f"{self.depth:g} % below the boundary at all speeds within {self.speed:g} %"
+
+    @property
+    def said(self) -> dict[str, float]:
+        """The margins as plain data, as a store keeps them."""
+        return _plain(self)
+
+
 class Study(Part):
     """What a run of any kind needs to know."""
 
@@ -235,6 +262,7 @@ class Study(Part):
     )
 
     effects_path: Path | None = Field(default=None, description="folder with effects of the user's own")
+    margins: Margins = Field(default=Margins(), description="how far recommended cuts keep from their boundary")
 
     #: What of the settings numbers depend on, beside machine, method and effects.
     own_science: ClassVar[tuple[str, ...]] = ()
@@ -329,6 +357,11 @@ def recorded(kind: type[Kept], attributes: dict[str, Any], own: Path | None, clu
     return found
 
 
+def margins_of(attributes: Mapping[str, Any]) -> Margins:
+    """Return the margins that the attributes of a store hold; stores of earlier versions hold none."""
+    return Margins.model_validate(attributes.get("margins", {}))
+
+
 def own_digests(effects: Iterable[str], own: Path | None) -> dict[str, str]:
     """Return a digest of the Python file of every one of these effects that is from a user's ``own`` folder."""
     if own is None:
@@ -361,8 +394,14 @@ def _listed(points: np.ndarray) -> str:
 
 def differing_keys(one: dict[str, Any], other: dict[str, Any]) -> list[str]:
     """Return the dotted keys whose values differ between two sets of plain data."""
+    return list(differences(one, other))
+
+
+def differences(one: dict[str, Any], other: dict[str, Any]) -> dict[str, tuple[Any, Any]]:
+    """Return what two sets of plain data say under dotted keys where they differ; None where one has no such key."""
     flat = [dict(_flatten(data, "")) for data in (one, other)]
-    return sorted(key for key in flat[0].keys() | flat[1].keys() if flat[0].get(key) != flat[1].get(key))
+    both = {key: (flat[0].get(key), flat[1].get(key)) for key in sorted(flat[0].keys() | flat[1].keys())}
+    return {key: (first, second) for key, (first, second) in both.items() if first != second}
 
 
 def _flatten(data: Any, prefix: str) -> list[tuple[str, Any]]:

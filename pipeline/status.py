@@ -1,6 +1,5 @@
 """How far a study is: what its store says, whether it is being computed or not."""
 
-import json
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +10,8 @@ from chatter_core.variables import FAILED, STATUS
 from pipeline import store, survey
 from pipeline.places import Place
 from pipeline.study_place import study_place
+from pipeline.telling import fact, say
+from pipeline.verbs.stores import StatusOptions
 
 #: The rate is that of the chunks that were written in so many seconds before the last.
 RECENT = 600.0
@@ -70,9 +71,10 @@ class Progress:
 
 def run(words: list[str]) -> int:
     """Tell how far a study is; return 1 where cells have failed, else 0."""
-    place, options = study_place(words, "status", {"format": ("text", "json")})
+    place, _ = study_place(words, StatusOptions)
     found = progress(place)
-    print(json.dumps(document(found), indent=2) if options["format"] == "json" else text(found))
+    fact(store=place.where(place.root), **document(found))
+    say(text(found))
     return 1 if found.failed else 0
 
 

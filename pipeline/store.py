@@ -6,15 +6,10 @@ to the fill value is never written, hence status 0 is pending.
 """
 
 import math
-import platform
-import subprocess
-import sys
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from functools import lru_cache, partial
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +23,13 @@ from chatter_core.errors import InvalidInput
 from chatter_core.units import SUFFIXES
 from chatter_core.variables import Variable
 from pipeline import metadata
-from pipeline.chunks import Chunk, Chunks
+from pipeline.chunks import Chunk, Chunks, usual_cells
+from pipeline.errors import Unreadable, is_damage
 from pipeline.kinds import KINDS, Computed, Kind, kind_of
 from pipeline.places import LOBES, Place
+from pipeline.provenance import provenance
 from pipeline.settings import Study
+from pipeline.telling import command
 
 #: What the functions here take that read.
 Group = zarr.Group
@@ -56,7 +54,7 @@ def create(place: Place, settings: Study, argv: list[str]) -> None:
     for name, variable in kind.wholes.items():
         shape = _shape(variable, values)
         write_whole(_variable(group, name, variable, shape, shape), wholes[name])
-    block = _block(kind, settings, values)
+    block = block_of(kind, settings, values)
     for name, variable in {**kind.chunked, "status": kind.status}.items():
         shape = _shape(variable, values)
         before = variable.dims.index(kind.along)
@@ -77,17 +75,18 @@ def create(place: Place, settings: Study, argv: list[str]) -> None:
             "entries_per_chunk": block,
             "history": [],
             "complete": False,
+            "margins": settings.margins.said,
             **more,
             **provenance(argv),
         },
     )
 
 
-def _block(kind: Kind, settings: Study, values: dict[str, np.ndarray]) -> int:
+def block_of(kind: Kind, settings: Study, values: dict[str, np.ndarray]) -> int:
     """Return how many entries a chunk has."""
     shape = _shape(kind.status, values)
-    cells = math.prod(shape[kind.outer + 1 :])
-    return max(1, min(shape[kind.outer], settings.cluster.cells_per_task // cells))
+    wanted = settings.cluster.cells_per_task or usual_cells(math.prod(shape), *kind.cells_of_task)
+    return max(1, min(shape[kind.outer], wanted // math.prod(shape[kind.outer + 1 :])))
 
 
 def write_whole(array: zarr.Array[Any], values: np.ndarray) -> None:
@@ -139,11 +138,6 @@ def kind_in(group: zarr.Group) -> Kind:
     return KINDS[str(group.attrs.get("kind", LOBES))]
 
 
-def identity(group: zarr.Group) -> str:
-    """Return what no other store shares that ever lay in the same place: what it is of, when it was made and packed."""
-    return " ".join(str(group.attrs.get(name)) for name in ("fingerprint", "entries_per_chunk", "created", "packed"))
-
-
 def chunks(group: zarr.Group) -> Chunks:
     """Return every chunk of a store."""
     shape, outer = array_of(group, "status").shape, kind_in(group).outer
@@ -153,14 +147,14 @@ def chunks(group: zarr.Group) -> Chunks:
 
 def status_of(group: zarr.Group, chunk: Chunk) -> np.ndarray:
     """Return the status of a chunk's cells (entry, ...)."""
-    return np.asarray(array_of(group, "status")[chunk.region])
+    return _values(array_of(group, "status"), chunk.region)
 
 
 def readable_status(group: zarr.Group, chunk: Chunk) -> np.ndarray:
     """Return the status of a chunk's cells (entry, ...), pending where it cannot be read."""
     try:
         return status_of(group, chunk)
-    except (ValueError, RuntimeError):  # checksum, decompression
+    except Unreadable:
         behind = array_of(group, "status").shape[kind_in(group).outer + 1 :]
         return np.zeros((chunk.last - chunk.first, *behind), dtype=np.uint8)
 
@@ -177,17 +171,37 @@ def open_group(place: Place) -> zarr.Group:
     return zarr.open_group(place.store(), mode="r+")
 
 
-def write_chunk(place: Place, chunk: Chunk, computed: Computed) -> None:
-    """Write every variable of a chunk, its status last."""
+def write_chunk(place: Place, chunk: Chunk, computed: Computed, allowed: Callable[[], None]) -> None:
+    """Write every variable of a chunk, its status last.
+
+    allowed: raises where this process must not write any more; asked before anything is, and before the status, which
+    makes what is there count.
+    """
     arrays, variables = _arrays(place), kind_of(place).chunked
 
     def write(name: str) -> None:
         variable, values = variables[name], computed.arrays[name]
         arrays[name][chunk.region] = values / variable.si_factor if variable.suffix else values
 
+    allowed()
     for _ in place.each(write, variables):
         pass
+    allowed()
     arrays["status"][chunk.region] = computed.status
+
+
+def without_result(place: Place, chunk: Chunk, code: int, why: str) -> Computed:
+    """Return a chunk without results, every cell with one status."""
+    group, kind = open_group(place), kind_of(place)
+
+    def shape(name: str) -> tuple[int, ...]:
+        return chunk.last - chunk.first, *array_of(group, name).shape[kind.outer + 1 :]
+
+    return Computed(
+        arrays={name: variable.without_result(shape(name)) for name, variable in kind.chunked.items()},
+        status=np.full(shape("status"), code, dtype=np.uint8),
+        errors=(why,),
+    )
 
 
 @lru_cache(maxsize=4)
@@ -218,14 +232,14 @@ def check(place: Place) -> zarr.Group:
     wrong = [f"{document} {why}" for document, why in metadata.problems(place).items()]
     if not wrong:
         group = zarr.open_group(place.store(), mode="r", use_consolidated=False)
-        wrong = [f"{name} is missing" for name in lost_wholes(place, kind_of(place).coordinates)] or _unusable_parts(
-            group
-        )
+        kind = kind_of(place)
+        wrong = [f"{name} is missing" for name in lost_wholes(place, (*kind.coordinates, *kind.wholes))]
+        wrong = wrong or _unusable_parts(group)
     if wrong:
         raise InvalidInput(
             [
                 f"{place.where(place.root)}: the store is damaged beyond its chunks: {what}; restored by: "
-                f"python -m pipeline verify {place.option} repair=true"
+                f"{command('verify', place.option, 'repair=true')}"
                 for what in wrong
             ]
         )
@@ -238,7 +252,7 @@ def _unusable_parts(group: zarr.Group) -> list[str]:
     for name in (*kind.coordinates, *kind.wholes):
         try:
             sizes[name] = len(whole(group, name))
-        except ValueError as error:
+        except Unreadable as error:
             unreadable.append(str(error))
     if unreadable:
         return unreadable
@@ -250,11 +264,23 @@ def _unusable_parts(group: zarr.Group) -> list[str]:
 
 
 def whole(group: zarr.Group, name: str) -> np.ndarray:
-    """Return an array, read in one piece; raise ValueError naming it when that fails."""
+    """Return an array, read in one piece; raise Unreadable naming it when that fails."""
     try:
-        return np.asarray(array_of(group, name)[...])
-    except (ValueError, RuntimeError, KeyError, TypeError) as error:
-        raise ValueError(f"{name} cannot be read ({str(error).splitlines()[0]})") from None
+        return _values(array_of(group, name), ...)
+    except (Unreadable, KeyError, TypeError) as error:
+        raise Unreadable(f"{name} cannot be read ({str(error).splitlines()[0]})") from None
+
+
+def _values(array: zarr.Array[Any], region: Any) -> np.ndarray:
+    """Return values of an array; raise Unreadable where they are not as they were written."""
+    try:
+        return np.asarray(array[region])
+    except (ValueError, RuntimeError) as error:  # checksum, decompression
+        raise Unreadable(str(error)) from error
+    except OSError as error:
+        if not is_damage(error):
+            raise
+        raise Unreadable(error.strerror) from error
 
 
 def lost_wholes(place: Place, names: Iterable[str]) -> list[str]:
@@ -288,8 +314,8 @@ def unreadable_parts(group: zarr.Group, chunk: Chunk) -> list[str]:
     unreadable = []
     for name in (*kind_in(group).chunked, "status"):
         try:
-            array_of(group, name)[chunk.region]
-        except (ValueError, RuntimeError):  # checksum, decompression
+            _values(array_of(group, name), chunk.region)
+        except Unreadable:
             unreadable.append(name)
     return unreadable
 
@@ -328,50 +354,9 @@ def readable(place: Place) -> Iterator[xr.Dataset]:
     try:
         with open_lobes(place) as opened:
             yield opened
-    except (ValueError, RuntimeError, KeyError) as error:
+    except (ValueError, RuntimeError, KeyError, OSError) as error:
+        if isinstance(error, OSError) and not is_damage(error):
+            raise
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         where = place.where(place.root)
         raise InvalidInput([f"{where}: cannot be read, a part is missing or damaged: {reason}"]) from None
-
-
-def now() -> str:
-    """Return the time, to the second, in UTC."""
-    return datetime.now(UTC).isoformat(timespec="seconds")
-
-
-def provenance(argv: list[str]) -> dict[str, Any]:
-    """Return where a store comes from: code, versions, command."""
-    packages = ("milling-chatter", "numpy", "scipy", "dask", "zarr", "xarray")
-    return {
-        "created": now(),
-        "command": argv,
-        "versions": {"python": platform.python_version(), **{name: _version(name) for name in packages}},
-        "platform": f"{sys.platform} {platform.machine()}",
-        "code": code_version(),
-    }
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"
-
-
-def code_version() -> str:
-    """Return the commit of the code, and whether it was changed since; "released" outside a checkout."""
-    here = Path(__file__).resolve().parent
-
-    def git(*words: str) -> str:
-        return subprocess.run(
-            ["git", "-C", str(here), *words], capture_output=True, text=True, check=True
-        ).stdout.strip()
-
-    try:
-        if Path(git("rev-parse", "--show-toplevel")) != here.parent:
-            return "released"
-        return git("rev-parse", "HEAD") + (
-            " with changes" if git("status", "--porcelain", "--untracked-files=no") else ""
-        )
-    except (OSError, subprocess.CalledProcessError):
-        return "released"

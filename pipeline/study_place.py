@@ -1,39 +1,49 @@
 """The words of a verb that looks at a study which is there already."""
 
 from collections.abc import Mapping
+from typing import TypeVar
 
 from chatter_core.errors import InvalidInput
-from pipeline.configuration import sort_words
-from pipeline.places import OPTIONS, STORES, Place, place_of
+from chatter_core.reading import near_path
+from pipeline.configuration import Words, sort_words
+from pipeline.places import STORES, Folder, Place, place_of
 from pipeline.places.folder import UNPACKED
+from pipeline.telling import program
+from pipeline.verbs.options import Options, PlaceOptions
+
+Asked = TypeVar("Asked", bound=PlaceOptions)
 
 
-def study_place(
-    words: list[str], verb: str, options: Mapping[str, tuple[str, ...]] | None = None
-) -> tuple[Place, dict[str, str]]:
-    """Return the place that ``output=DIR`` or ``store=ADDRESS`` names, and the values of the verb's other options.
+def study_place(words: list[str], kind: type[Asked]) -> tuple[Place, Asked]:
+    """Return the place that ``output=DIR`` or ``store=ADDRESS`` names, and the verb's options.
 
-    options: what each may be, the first by default; without a choice it may be anything, by default empty. Raises
-    InvalidInput for words of another kind, and where the place holds no study.
+    Raises InvalidInput for words of another kind, and where the place holds no study.
     """
-    options = options or {}
-    found = sort_words(words, (*OPTIONS, *options))
-    foreign = [*found.choices, *found.values, *(["machine"] if found.machine_file else [])]
-    own = [f"{option}={'|'.join(values) or '...'}" for option, values in options.items()]
-    takes = " and ".join(["output=DIR or store=ADDRESS", *own])
-    problems = [f"{word}: not for {verb}, which takes {takes} alone" for word in foreign]
+    found = sort_words(words, kind.fields())
+    problems = foreign_words(found, kind)
     if not {"output", "store"} & set(found.options):
         problems.append("output: missing; needed: the folder of a study, or store=s3://BUCKET/PREFIX")
-    said = {option: found.options.get(option, values[0] if values else "") for option, values in options.items()}
-    for option, values in options.items():
-        if values and said[option] not in values:
-            problems.append(f"{option}: found {said[option]!r}, allowed: {', '.join(values)}")
     if problems:
         raise InvalidInput(problems)
-    place = place_of(found.options)
+    options = kind.read(found.options)
+    return study_in(found.options, "store" if "store" in found.options else "output"), options
+
+
+def foreign_words(found: Words, kind: type[Options]) -> list[str]:
+    """Return what is to be said of words that a verb without a machine does not take."""
+    takes = ", ".join(f"{option}=..." for option in kind.fields() if option not in Options.fields())
+    return [f"{word}: not for {kind.verb()}, which takes {takes} alone" for word in found.of_machine]
+
+
+def study_in(options: Mapping[str, str], named: str) -> Place:
+    """Return the place that ``output`` or ``store`` of some options names; named: by which word people named it.
+
+    Raises InvalidInput where the place holds no study.
+    """
+    place = place_of(options)
     if not {place.root, f"{UNPACKED}{place.root}"} & place.names():
-        name, _, value = place.option.partition("=")
-        raise InvalidInput(
-            [f"{name}: {value} holds no {' or '.join(STORES)}; compute it with: python -m pipeline sweep (or dataset)"]
-        )
-    return place, said
+        value = place.option.partition("=")[2]
+        near = near_path(place.output) if isinstance(place, Folder) else ""
+        computed = f"; compute it with: {program()} sweep (or dataset)"
+        raise InvalidInput([f"{named}: {value} holds no {' or '.join(STORES)}{near or computed}"])
+    return place

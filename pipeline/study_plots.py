@@ -12,10 +12,12 @@ from bokeh.plotting import figure
 from matplotlib.colors import to_hex
 
 from chatter_core.variables import BIFURCATION
-from pipeline.best_cuts import best_cuts, removal_rate
+from pipeline.best_cut_plots import KNOWN, RATE, SPEED, add_best_cut
+from pipeline.best_cuts import known_limit, removal_rate
 from pipeline.figures import COLOURS, RADIUS_LEVELS, STYLE, modes_label
 from pipeline.lobes import stability_limit
 from pipeline.plots import Choices, Key, add_key, hover, numbers, plot
+from pipeline.settings import margins_of
 
 #: Most points of a map along speed and depth: finer ones are thinned out, the store holds all.
 MAP_SIZE = (400, 160)
@@ -37,8 +39,9 @@ HOW_LOST = {
 def study_plots(lobes: xr.Dataset, preload: float) -> dict[str, Model]:
     """Return choices and plots by name, in the order of the page; preload [N]: the one that is shown first."""
     choices = _choices(lobes, preload)
-    made = choices.named(CHOICE)
-    made["lobes"] = _lobes(lobes, choices)
+    plotted, sliders = _lobes(lobes, choices)
+    made = choices.named(CHOICE) | {f"{CHOICE}_{name}": slider for name, slider in sliders.items()}
+    made["lobes"] = plotted
     if _holds_maps(lobes):
         made["dominant_mode"] = _map_of_dominant_mode(lobes, choices)
         made["spectral_radius"] = _map_of_spectral_radius(lobes, choices)
@@ -71,12 +74,12 @@ def _lines(lobes: xr.Dataset) -> Iterator[tuple[Key, xr.Dataset]]:
             yield (_name(preload), str(int(count))), lobes.sel(preload=preload, mode_count=count)
 
 
-def _lobes(lobes: xr.Dataset, choices: Choices) -> figure:
-    """Return the boundary of each kind of parameters, and the best cut."""
+def _lobes(lobes: xr.Dataset, choices: Choices) -> tuple[figure, dict[str, Model]]:
+    """Return the boundary of each kind of parameters, the best cut of the first, and the sliders of its margins."""
     made = plot("Stability lobes: stable below the line", SPEED_LABEL, DEPTH_LABEL, height=440)
     _span(made, lobes)
-    speed, settings = numbers(lobes["spindle_speed"]), lobes.attrs["settings"]
-    renderers, entries = list[Any](), dict[str, list[Any]]()
+    speed, machine = lobes["spindle_speed"].values, lobes.attrs["settings"]["machine"]
+    renderers, entries, sources = list[Any](), dict[str, list[Any]](), list[ColumnDataSource]()
     for colour, name in zip(COLOURS, lobes["modal_parameters"].values, strict=False):
         data = {}
         for key, part in _lines(lobes.sel(modal_parameters=name)):
@@ -87,9 +90,12 @@ def _lobes(lobes: xr.Dataset, choices: Choices) -> figure:
                 "frequency": numbers(first["limit_chatter_frequency"]),
                 "mode": first["limit_dominant_mode"].values.astype(np.int8),
                 "how": [HOW_LOST[int(code)] for code in first["limit_bifurcation"].values],
-                "rate": numbers(removal_rate(settings["machine"], part["spindle_speed"].values, limit.values)),
+                "rate": numbers(removal_rate(machine, speed, limit.values)),
+                KNOWN: known_limit(part).values,
+                RATE: removal_rate(machine, speed, 1.0),
             }
-        source = choices.source(data, {"speed": speed})
+        source = choices.source(data, {SPEED: speed})
+        sources.append(source)
         line = made.line("speed", "limit", source=source, line_width=2, color=colour, line_dash=DASHES[STYLE[name]])
         renderers.append(made.scatter("speed", "limit", source=source, size=3, color=colour))
         entries[str(name)] = [line, renderers[-1]]
@@ -105,35 +111,9 @@ def _lobes(lobes: xr.Dataset, choices: Choices) -> figure:
             ],
         )
     )
-    add_key(made, {**entries, "best cut": [_best(made, lobes, choices)]})
-    return made
-
-
-def _best(made: figure, lobes: xr.Dataset, choices: Choices) -> Any:
-    """Add the cut that removes most, of the kind of parameters that comes first; return its mark."""
-    cuts = best_cuts(lobes.isel(modal_parameters=[0]))
-    data: dict[Key, dict[str, Any]] = {
-        key: {"speed": [np.nan], "depth": [np.nan], "rate": [np.nan]} for key, _ in _lines(lobes)
-    }
-    for cut in cuts.itertuples():
-        data[_name(cut.preload), str(int(cut.mode_count))] = {
-            "speed": [cut.spindle_speed],
-            "depth": [cut.axial_depth],
-            "rate": [cut.removal_rate_cm3_min],
-        }
-    source = choices.source(data, {})
-    marker = made.scatter("speed", "depth", source=source, marker="star", size=18, color="#E69F00")
-    made.add_tools(
-        hover(
-            [marker],
-            [
-                ("largest removal rate", "@rate{0.0} cm\N{SUPERSCRIPT THREE}/min"),
-                ("spindle speed", "@speed{0} rpm"),
-                ("axial depth", "@depth{0.000} mm"),
-            ],
-        )
-    )
-    return marker
+    mark, sliders = add_best_cut(made, sources[0], margins_of(lobes.attrs))
+    add_key(made, {**entries, "best cut": [mark]})
+    return made, sliders
 
 
 def _holds_maps(lobes: xr.Dataset) -> bool:
@@ -178,27 +158,27 @@ def _map(
     _span(made, lobes)
     speed, depth = (lobes[name].values for name in ("spindle_speed", "axial_depth"))
     # Pictures have equal steps: at each the nearest point of the grid is shown.
-    across, up = (_nearest(axis, most) for axis, most in zip((speed, depth), MAP_SIZE, strict=True))
+    across, up = (nearest(axis, most) for axis, most in zip((speed, depth), MAP_SIZE, strict=True))
     first = lobes.isel(modal_parameters=0)
     data, boundary = {}, {}
     for key, part in _lines(first):
         cells = part.transpose("axial_depth", "spindle_speed", ...)
         data[key] = {"image": [values(cells)[np.ix_(up, across)].astype(np.uint8)]}
         boundary[key] = {"limit": numbers(stability_limit(part))}
-    place = {"x": [_edge(speed)[0]], "y": [_edge(depth)[0]], "dw": [np.ptp(_edge(speed))], "dh": [np.ptp(_edge(depth))]}
+    place = {"x": [edges(speed)[0]], "y": [edges(depth)[0]], "dw": [np.ptp(edges(speed))], "dh": [np.ptp(edges(depth))]}
     made.image("image", "x", "y", "dw", "dh", source=choices.source(data, place), color_mapper=mapper, alpha=0.85)
     line = choices.source(boundary, {"speed": numbers(speed)})
     made.line("speed", "limit", source=line, color="black", line_width=2)
     return made
 
 
-def _nearest(axis: np.ndarray, most: int) -> np.ndarray:
+def nearest(axis: np.ndarray, most: int) -> np.ndarray:
     """Return which points of an axis are nearest to equal steps along it, at most so many."""
     steps = np.linspace(axis[0], axis[-1], min(len(axis), most))
     return np.asarray(np.abs(axis[None, :] - steps[:, None]).argmin(axis=1))
 
 
-def _edge(axis: np.ndarray) -> np.ndarray:
+def edges(axis: np.ndarray) -> np.ndarray:
     """Return the ends of a picture whose first and last points lie at the ends of an axis."""
     half = 0.5 * (axis[-1] - axis[0]) / max(len(axis) - 1, 1)
     return np.array([axis[0] - half, axis[-1] + half])

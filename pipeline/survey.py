@@ -11,8 +11,9 @@ from functools import partial
 import numpy as np
 
 from chatter_core.variables import FAILED, STATUS, WITH_RESULT
-from pipeline import store
+from pipeline import metadata, store
 from pipeline.chunks import Chunk, Chunks
+from pipeline.errors import Unreadable
 from pipeline.places import Place
 
 #: Key of a chunk's file below its variable, with folders for its indices or without.
@@ -68,11 +69,12 @@ def pending(place: Place, retry_failed: bool) -> tuple[np.ndarray, np.ndarray]:
 def damaged(place: Place) -> Iterator[tuple[int, dict[Chunk, list[str]]]]:
     """Yield how many chunks were read back, and the variables of those that cannot be, piece by piece.
 
-    What is gone of a chunk with a result cannot be either.
+    What is gone of a chunk with a result cannot be either, nor a status that is gone of a store that was complete.
     """
     group = store.open_group(place)
-    every = store.chunks(group)
+    every, complete = store.chunks(group), metadata.attributes(place)["complete"]
     there = {name: written_chunks(place, group, name) for name in store.kind_in(group).chunked}
+    no_status = ~written_chunks(place, group, "status") if complete else np.zeros(len(every), dtype=bool)
 
     def read(piece: tuple[slice, Chunk]) -> tuple[int, dict[Chunk, list[str]]]:
         numbers, whole = piece
@@ -81,6 +83,7 @@ def damaged(place: Place) -> Iterator[tuple[int, dict[Chunk, list[str]]]]:
         found = dict[Chunk, list[str]]()
         for number, result in zip(range(numbers.start, numbers.stop), has_result, strict=True):
             lost = [name for name in there if not there[name][number]] if result else []
+            lost += ["status"] if no_status[number] else []
             chunk = every[number] if suspect or lost else whole
             if parts := [*(store.unreadable_parts(group, chunk) if suspect else []), *lost]:
                 found[chunk] = parts
@@ -114,7 +117,7 @@ def _tally(group: store.Group, every: Chunks, piece: tuple[slice, Chunk]) -> np.
     numbers, whole = piece
     try:
         return _counted(store.status_of(group, whole), every)
-    except (ValueError, RuntimeError):  # checksum, decompression
+    except Unreadable:
         if numbers.stop - numbers.start == 1:
             return _counted(_no_status(every, whole), every)
     ones = range(numbers.start, numbers.stop)

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from chatter_core.variables import STATUS
-from pipeline import store
+from pipeline import metadata, store
 from pipeline.chunks import Chunk
-from pipeline.kinds import kind_of
+from pipeline.errors import StoreInUse
+from pipeline.kinds import Computed, kind_of
 from pipeline.places import Place
 from pipeline.time_limit import limited
 
@@ -21,7 +22,7 @@ from pipeline.time_limit import limited
 class Task:
     """One chunk of a store; ``kernel`` names module and function that compute it.
 
-    made: what no other store that ever lay in its place shares, by which a worker knows that it is not the one before;
+    made: ``metadata.identity`` of the store when it was handed out, by which a worker knows it from the one before;
     effects_path: folder with effects of the user's own, as the command line named it; a store never does.
     time_limit: seconds after which the worker's process ends with everything in it, none: never.
     """
@@ -29,7 +30,7 @@ class Task:
     place: Place
     chunk: Chunk
     kernel: str
-    made: str = ""
+    made: str
     effects_path: Path | None = None
     time_limit: float | None = None
 
@@ -50,10 +51,17 @@ _known: dict[Place, str] = {}
 
 def _know(task: Task) -> None:
     """Forget what is kept of the store that lay in a place before: workers outlive a study that is made anew there."""
+    _require_latest(task)
     if _known.get(task.place) != task.made:
         store.forget()
         _described.cache_clear()
         _known[task.place] = task.made
+
+
+def _require_latest(task: Task) -> None:
+    """Raise StoreInUse where the store in its place is not what it was when a task was handed out."""
+    if metadata.identity(task.place) != task.made:
+        raise StoreInUse(f"{task.place}: was made anew, packed or taken up by another run since this one began")
 
 
 @lru_cache(maxsize=4)
@@ -66,16 +74,35 @@ def _described(place: Place) -> Any:
 def compute_chunk(task: Task) -> Record:
     """Compute a chunk and write it, unless it is there already: its worker may have died with the news.
 
-    Errors of the physics are narrowed down and marked. Errors of writing are not caught: they end the run.
+    Errors of the physics are narrowed down and marked. Errors of writing are not caught: they end the run. Raises
+    StoreInUse, and writes nothing, for a task of a store that is not there any more or of a run that has ended.
     """
+    began = time.perf_counter()
+    return kept(task) or written(task, _computed(task), began)
+
+
+def kept(task: Task) -> Record | None:
+    """Return the record of a chunk that is there already, None where it is not; raises what ``compute_chunk`` does."""
     began = time.perf_counter()
     _know(task)
     status = store.readable_status(store.open_group(task.place), task.chunk)
-    if status.all():
-        return _record(task, status, began, ())
+    return _record(task, status, began, ()) if status.all() else None
+
+
+def computed(task: Task) -> Computed:
+    """Compute a chunk, or a part of one, and write nothing; raises what ``compute_chunk`` does."""
+    _know(task)
+    return _computed(task)
+
+
+def _computed(task: Task) -> Computed:
     with limited(task.time_limit):
-        found = kind_of(task.place).compute(_described(task.place), task.chunk, task.kernel, task.effects_path)
-    store.write_chunk(task.place, task.chunk, found)
+        return kind_of(task.place).compute(_described(task.place), task.chunk, task.kernel, task.effects_path)
+
+
+def written(task: Task, found: Computed, began: float) -> Record:
+    """Write a chunk that was computed and return its record; raises what ``compute_chunk`` does."""
+    store.write_chunk(task.place, task.chunk, found, partial(_require_latest, task))
     return _record(task, found.status, began, found.errors)
 
 

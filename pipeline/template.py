@@ -3,7 +3,6 @@
 All of it is written from the declarations that the reader checks against.
 """
 
-from pathlib import Path
 from typing import Any, get_origin
 
 import yaml
@@ -18,17 +17,19 @@ from chatter_core.machine import Machine
 from chatter_core.reading import inner_model
 from pipeline.configuration import compose_settings, sort_words
 from pipeline.locking import make_folder
+from pipeline.telling import program, wrote
+from pipeline.verbs.campaigns import TemplateOptions
 
 HEAD = """# The machine as it is believed to be; measurements may say otherwise. The values are those of the reference
 # machine: put your own in their place. A line that begins with # is a key that may be added, without its #.
 # A machine has either bearing and spindle, or tip.
 """
-README_HEAD = """A measurement campaign
+README_HEAD = f"""A measurement campaign
 ======================
 
 One folder for one machine with one tool and one workpiece material. machine.yaml is needed, and rows in one
 at least of the other files; a file without rows may stay or be removed.
-Run with:  python -m pipeline point machine=machine.yaml spindle_speed_rpm=... axial_depth_mm=...
+Run with:  {program()} point machine=machine.yaml spindle_speed_rpm=... axial_depth_mm=...
 
 How tables are written
 ----------------------
@@ -57,13 +58,12 @@ A stable trial has no chatter frequency: one that is noted there is not used.
 
 def run(words: list[str]) -> int:
     """Write an empty campaign into a new folder; return the exit code."""
-    sorted_words = sort_words(words, ("output",))
-    foreign = [*sorted_words.choices, *sorted_words.values, *(["machine"] if sorted_words.machine_file else [])]
-    if foreign:
-        raise InvalidInput([f"{word}: not for template, which takes output=DIR alone" for word in foreign])
-    if "output" not in sorted_words.options:
-        raise InvalidInput(["output: missing; needed: a new folder for the campaign"])
-    output = Path(sorted_words.options["output"])
+    sorted_words = sort_words(words, TemplateOptions.fields())
+    if sorted_words.of_machine:
+        raise InvalidInput(
+            [f"{word}: not for template, which takes output=DIR alone" for word in sorted_words.of_machine]
+        )
+    output = TemplateOptions.read(sorted_words.options).output
     make_folder(output)
     if any(output.iterdir()):
         raise InvalidInput([f"output: {output} is not empty; name a new folder"])
@@ -73,7 +73,7 @@ def run(words: list[str]) -> int:
     contents["README.txt"] = README_HEAD + "".join(_explained(table) for table in TABLES) + README_END
     for name, text in contents.items():
         (output / name).write_text(text, encoding="utf-8")
-        print(f"written: {output / name}")
+    wrote(output / name for name in contents)
     return 0
 
 

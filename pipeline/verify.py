@@ -1,6 +1,5 @@
 """Every byte of a store read back: what is damaged is named, and with ``repair=true`` made anew."""
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,13 +11,14 @@ from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS
 from pipeline import execution, journal, metadata, store, survey
 from pipeline.chunks import Chunk
-from pipeline.configuration import EFFECTS_PATH
-from pipeline.errors import StoreUnavailable
+from pipeline.errors import StoreUnavailable, Unreadable
 from pipeline.kinds import kind_of
 from pipeline.places import RECORD, Folder, Place, StillHeld, as_long_as_it_takes
 from pipeline.progress import Meter
 from pipeline.settings import Cluster, Study, recorded
 from pipeline.study_place import study_place
+from pipeline.telling import command, complain, fact, say
+from pipeline.verbs.stores import VerifyOptions
 
 #: Damaged places that are named one by one.
 NAMED = 20
@@ -64,23 +64,24 @@ class Damage:
 
 def run(words: list[str]) -> int:
     """Read back a store, repair it where asked; return 1 where damage is left or cells have failed, else 0."""
-    place, options = study_place(words, "verify", {"repair": ("false", "true"), EFFECTS_PATH: ()})
-    own = Path(options[EFFECTS_PATH]).resolve() if options[EFFECTS_PATH] else None
+    place, options = study_place(words, VerifyOptions)
+    own = options.effects_path.resolve() if options.effects_path else None
     with place.held() as still_held:
         found = damage(place)
-        if found.torn:
-            print(f"{journal.FILE}: {found.torn} lines are not as they were written; they stay, no result is in them")
-        if not found.mendable:
-            print(f"{place}: every byte {'of the store ' if found.torn else ''}reads back as it was written")
-            return 0
         told = found.sentences()
+        fact(store=place.where(place.root), damaged=told, torn_lines=found.torn)
+        if found.torn:
+            say(f"{journal.FILE}: {found.torn} lines are not as they were written; they stay, no result is in them")
+        if not found.mendable:
+            say(f"{place}: every byte {'of the store ' if found.torn else ''}reads back as it was written")
+            return 0
         for sentence in told[:NAMED]:
-            print(f"damaged: {sentence}")
+            say(f"damaged: {sentence}")
         if len(told) > NAMED:
-            print(f"damaged: and {len(told) - NAMED} more places")
-        if options["repair"] != "true":
-            again = f"python -m pipeline verify {place.option} repair=true"
-            print(f"{len(told)} places are damaged; made anew with: {again}", file=sys.stderr)
+            say(f"damaged: and {len(told) - NAMED} more places")
+        if options.repair != "true":
+            again = command("verify", place.option, "repair=true")
+            complain(f"{len(told)} places are damaged; made anew with: {again}")
             return 1
         return repair(place, found, own, words, still_held=still_held)
 
@@ -123,7 +124,7 @@ def repair(
             lost = metadata.restore(place)
             if lost:
                 raise InvalidInput([f"{lost[0]}: what was to be computed is not known any more; run the study again"])
-            print(f"restored: {', '.join(found.documents)}")
+            say(f"restored: {', '.join(found.documents)}")
             found = damage(place)
         _remove_unreadable_shards(place, found)
         settings = recorded(kind_of(place).settings, metadata.attributes(place), own, cluster or Cluster(kind="local"))
@@ -152,7 +153,7 @@ def _remove_unreadable_shards(place: Place, found: Damage) -> None:
 def _reads(group: store.Group, name: str) -> bool:
     try:
         store.whole(group, name)
-    except ValueError:
+    except Unreadable:
         return False
     return True
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from benchmarks.scale.study import CHUNKED, KERNEL, study
-from pipeline import store
+from pipeline import metadata, store
 from pipeline.places import LOBES, RECORD, Folder
 from pipeline.task import Task, compute_chunk
 
@@ -26,7 +26,7 @@ def lay(chunks: int, folder: Path, computed: int) -> None:
     place = Folder(folder)
     group = store.open_group(place)
     every = store.chunks(group)
-    compute_chunk(Task(place=place, chunk=every[0], kernel=KERNEL))
+    compute_chunk(Task(place=place, chunk=every[0], kernel=KERNEL, made=metadata.identity(place)))
     for name in CHUNKED:
         encoded = store.array_of(group, name).metadata.encode_chunk_key
         behind = (0,) * (len(store.array_of(group, name).shape) - store.kind_in(group).outer - 1)

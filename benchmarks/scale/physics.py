@@ -8,14 +8,14 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from benchmarks.scale.study import CHUNKED
-from pipeline import store
+from pipeline import metadata, store
 from pipeline.configuration import compose_settings, sort_words
 from pipeline.kinds import KERNEL
 from pipeline.places import LOBES, Folder
 from pipeline.sweep import OPTIONS
 from pipeline.task import Task, compute_chunk, compute_first
 
-#: Cells of a chunk that are tried: the default and ten times as many; depths of a speed.
+#: Cells of a chunk that are tried: those of a small study and ten times as many; depths of a speed.
 SIZES, DEPTHS = (1500, 15000), 100
 
 
@@ -42,7 +42,9 @@ def _row(folder: Path, cells: int, which: str) -> dict[str, Any]:
     folder.mkdir(parents=True)
     place = Folder(folder)
     store.create(place, compose_settings(sort_words(words, OPTIONS)), [])
-    task = Task(place=place, chunk=store.chunks(store.open_group(place))[0], kernel=KERNEL)
+    task = Task(
+        place=place, chunk=store.chunks(store.open_group(place))[0], kernel=KERNEL, made=metadata.identity(place)
+    )
     compute_first(task)
     began = time.process_time()
     compute_chunk(task)

@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar
 
+from chatter_core.cards import Card, ShownAsCard
 from chatter_core.errors import InvalidInput
 from chatter_core.machine import Machine
 from chatter_core.parameters import Array, Parameter
@@ -25,7 +26,7 @@ class Setting:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Effect(ABC):
+class Effect(ShownAsCard, ABC):
     """An effect: a frozen class of its settings, with a law that transforms one arrow of the chain.
 
     stage: the field of ``Stages`` that it transforms; declared: its parameters, in the units of their names;
@@ -49,6 +50,13 @@ class Effect(ABC):
             if found not in setting.choices or isinstance(found, bool):
                 allowed = ", ".join(str(choice) for choice in setting.choices)
                 raise InvalidInput([f"effects.{self.name()}.{setting.name}: found {found!r}, allowed: {allowed}"])
+
+    def card(self) -> Card:
+        """Return its stage, what was chosen, and its parameters with their bounds."""
+        chosen = "".join(f", {setting.name} {getattr(self, setting.name)}" for setting in self.settings)
+        rows = tuple((one.name, one.doc, f"{one.lower:g} to {one.upper:g}", f"{one.null:g}") for one in self.declared)
+        columns = ("parameter", "meaning", "bounds", "without the effect")
+        return Card(title=f"{self.name()}, on {self.stage}{chosen}", rows=rows, columns=columns)
 
     @classmethod
     def name(cls) -> str:
@@ -90,7 +98,7 @@ class Effect(ABC):
             what = " and ".join(missing)
             raise InvalidInput([f"effects.{self.name()}: acts on {what}; this machine has measured tip modes instead"])
 
-    def _check(self, machine: Machine) -> None:  # noqa: B027  # most effects act on any machine with these parts
+    def _check(self, machine: Machine) -> None:  # most effects act on any machine with these parts
         """Raise InvalidInput where the effect cannot act on a machine that has all the parts it needs."""
 
     @abstractmethod

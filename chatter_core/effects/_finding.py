@@ -20,7 +20,7 @@ from typing import Any
 
 from chatter_core.effects._base import Effect
 from chatter_core.errors import InvalidInput
-from chatter_core.reading import nearest
+from chatter_core.reading import near_path, nearest
 from chatter_core.stages import Stages
 
 FOLDER = Path(__file__).parent
@@ -48,7 +48,7 @@ def own_effects(folder: Path) -> tuple[str, ...]:
     See docs/physics.md#effects.
     """
     if not folder.is_dir():
-        raise InvalidInput([f"effects_path: {folder} is not a folder"])
+        raise InvalidInput([f"effects_path: {folder} is not a folder{near_path(folder)}"])
     classes, values, taken = (_stems(folder, "py"), _stems(folder, "yaml"), _stems(FOLDER, "py"))
     problems = [f"{folder / name}.py: {name}.yaml is missing beside it" for name in sorted(classes - values)]
     problems += [f"{folder / name}.yaml: {name}.py is missing beside it" for name in sorted(values - classes)]

@@ -13,6 +13,7 @@ from typing import ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter_core.cards import Card, ShownAsCard
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence.columns import NO_WORD
 from chatter_core.evidence.findings import Findings, checked_file
@@ -36,7 +37,8 @@ from chatter_core.evidence.measured import (
 from chatter_core.evidence.table import Rows, read_table
 from chatter_core.evidence.uff import UFF_ENDINGS, read_uff
 from chatter_core.machine import Machine
-from chatter_core.reading import printable, read_machine
+from chatter_core.reading import near_path, printable, read_machine
+from chatter_core.units import si_factor
 
 MACHINE_FILE = "machine.yaml"
 #: Receptances of tool tips that are met [m/N], by the median over frequency.
@@ -45,6 +47,8 @@ USUAL_RECEPTANCE = (1e-9, 1e-4)
 LEAST_RECEPTANCE = 1e-30
 #: Share of the imaginary part in a response's peak beyond which its sign is that of a resonance.
 CLEAR_SIGN = 0.5
+#: Receptances and remarks that a campaign shows of itself.
+SHOWN = 3
 #: Endings of files that are probably meant to be read.
 TABLE_ENDINGS = (".csv", ".tsv", ".xls", ".xlsx", ".ods")
 
@@ -52,8 +56,8 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Campaign:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Campaign(ShownAsCard):
     """What was measured on a machine; None or empty where nothing was.
 
     remarks: what is odd and should be told, though it can be read; unknown_columns: file and name
@@ -68,6 +72,20 @@ class Campaign:
     limits: Limits | None
     remarks: tuple[str, ...]
     unknown_columns: tuple[str, ...]
+
+    def card(self) -> Card:
+        """Return what was measured, and what its reader found odd."""
+        tables = {
+            "natural frequencies": self.natural_frequencies,
+            "bearing stiffness": self.stiffness,
+            "limit depths": self.limits,
+        }
+        rows = [("trial cuts", _told_trials(self.trials))] if self.trials is not None else []
+        if self.receptances:
+            rows.append(("receptances", f"{len(self.receptances)}: {', '.join(map(str, self.receptances[:SHOWN]))}"))
+        rows += [(name, f"{len(table.spindle_speed)} rows") for name, table in tables.items() if table is not None]
+        rows += [("remark", remark) for remark in self.remarks[:SHOWN]]
+        return Card(title="Campaign", rows=tuple(rows))
 
     @property
     def extreme_preloads(self) -> tuple[float, ...]:
@@ -85,7 +103,9 @@ def read_campaign(folder: Path) -> Campaign:
     was found and what is allowed.
     """
     if not folder.is_dir():
-        raise InvalidInput([f"{folder}: no such folder; a campaign is a folder with {MACHINE_FILE} and measurements"])
+        what = "is a file" if folder.is_file() else "no such folder"
+        meant = f"; did you mean {folder.parent}?" if folder.is_file() else near_path(folder)
+        raise InvalidInput([f"{folder}: {what}; a campaign is a folder with {MACHINE_FILE} and measurements{meant}"])
     unread = _unread_files(folder)
     machine_problems: list[str] = []
     problems: list[str] = []
@@ -157,6 +177,13 @@ def planned_trials(path: Path, machine: Machine) -> tuple[Trials, NDArray[np.int
     nothing = np.full(len(rows), np.nan)
     silent = {"outcome": np.zeros(len(rows)), "chatter_frequency": nothing}
     return _trials(replace(rows, columns={**rows.columns, **silent})), np.argsort(rows.line, kind="stable")
+
+
+def _told_trials(trials: Trials) -> str:
+    """Return how many cuts were judged how, and at which speeds."""
+    counts = ", ".join(f"{int((trials.outcome == code).sum())} {name}" for code, name in enumerate(OUTCOMES))
+    rpm = trials.spindle_speed / si_factor("spindle_speed_rpm")
+    return f"{len(trials)}: {counts}; {rpm.min():g} to {rpm.max():g} rpm"
 
 
 def is_read(name: str) -> bool:

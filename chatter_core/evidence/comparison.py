@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from chatter_core.cards import Card, ShownAsCard
 from chatter_core.evidence import likelihood
 from chatter_core.evidence.likelihood import Contribution
 from chatter_core.evidence.measured import measuring_ranges
@@ -39,8 +40,8 @@ class Compared:
         return parts
 
 
-@dataclass(frozen=True, kw_only=True)
-class Comparison:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Comparison(ShownAsCard):
     """The problem of a fit: a model of a campaign, judged by some quantities."""
 
     model: CampaignModel
@@ -50,6 +51,12 @@ class Comparison:
     def parameters(self) -> tuple[Parameter, ...]:
         """The model's parameters."""
         return self.model.parameters
+
+    def card(self) -> Card:
+        """Return by what the model is judged, and every parameter with what is plausible of it."""
+        columns = ("parameter", "meaning", "plausible", "unit")
+        rows = tuple((p.name, p.doc, f"{p.prior_mean:g} +- {p.prior_width:g}", p.unit) for p in self.parameters)
+        return Card(title=f"Comparison by {', '.join(self.quantities)}", rows=rows, columns=columns)
 
     @property
     def structural(self) -> "Comparison | None":

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from chatter_core.errors import InvalidInput
+from chatter_core.reading import near_path
 
 #: Largest file of measurements that is read [bytes]; a million lines of frequency response take 40 million.
 LARGEST_TABLE = 200_000_000
@@ -48,7 +49,8 @@ class Findings:
 def checked_file(path: Path) -> Path:
     """Return a file's path; raise InvalidInput when it is no file of its folder or cannot be read."""
     if not path.is_file():
-        raise InvalidInput([f"{path}: is no file"])
+        what = "is no file" if path.exists() or path.is_symlink() else f"no such file{near_path(path)}"
+        raise InvalidInput([f"{path}: {what}"])
     if not path.resolve().is_relative_to(path.parent.resolve()):
         raise InvalidInput([f"{path}: leads out of its folder; put the file itself there"])
     if not os.access(path, os.R_OK):

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter_core.cards import Card, ShownAsCard
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence.newton import SMALLEST_GAIN, Climb, Maximum
 from chatter_core.evidence.parameters import (
@@ -28,8 +29,8 @@ CLIMBED_STARTS = 3
 WORSE = 0.01
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fit:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Fit(ShownAsCard):
     """Maximum of the posterior, and the normal distribution around it.
 
     estimate, standard_deviation, pull: (parameter,) in the parameters' own units, a pull in widths of the prior;
@@ -53,6 +54,19 @@ class Fit:
     evaluations: int
     converged: bool
     reason: str
+
+    def card(self) -> Card:
+        """Return every parameter with its estimate, deviation and pull."""
+        columns = ("parameter", "estimate", "+-", "unit", "pull", "")
+        state = "converged" if self.converged else "not converged"
+        title = f"Fit, {state}: {self.reason}; log-likelihood {self.log_likelihood:.4g} nats"
+        return Card(title=title, rows=tuple(map(self._row, range(len(self.parameters)))), columns=columns)
+
+    def _row(self, number: int) -> tuple[str, ...]:
+        one = self.parameters[number]
+        state = "fixed" if self.fixed[number] else "at its bound" if self.at_bound[number] else ""
+        numbers = (self.estimate[number], self.standard_deviation[number])
+        return one.name, *(f"{value:.4g}" for value in numbers), one.unit, f"{self.pull[number]:+.2f}", state
 
 
 def fit(

@@ -7,6 +7,7 @@ first of more, so that a data set may be cut short and stays as evenly spread.
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from chatter_core.reading import shown
 from pipeline.design.described import Description, described, satisfies
 from pipeline.design.settings import DRAWN, Design, Level
 from pipeline.keys import get
+from pipeline.progress import watched
 
 Array = NDArray[np.float64]
 #: Points that a sequence is drawn in: a power of two, as Sobol's needs it.
@@ -49,7 +51,7 @@ def draw(design: Design, base: Description) -> Drawn:
     """
     try:
         machines = _machines(design, base)
-        cuts = _cuts(design, [described(base, design.machine, numbers) for numbers in machines])
+        cuts = _cuts(design, base, machines)
     except ValueError as error:
         raise InvalidInput([f"design: {error}"]) from None
     return Drawn(machines=machines, cuts=cuts, split=_split(design, len(machines)))
@@ -65,14 +67,16 @@ def _machines(design: Design, base: Description) -> Array:
 
         return _accepted(design.machines, _stream(design, level, MACHINES, design.machines), accepted, "machine")
     if design.sampling == "grid":
-        rows = [row for row in _grid(level) if satisfies(described(base, level, row), level)]
+        every = _grid(level)
+        each = watched(every, len(every), "machines described")
+        rows = [row for row in each if satisfies(described(base, level, row), level)]
         if not rows:
             raise ValueError("machine.constraints: no point of the grid satisfies them")
         return np.array(rows).reshape(len(rows), len(level.vary))
     return _one_at_a_time(level, base) if design.sampling == "one_at_a_time" else _saltelli(design)
 
 
-def _cuts(design: Design, machines: list[Description]) -> Array:
+def _cuts(design: Design, base: Description, machines: Array) -> Array:
     level = design.cut
     if design.sampling == "grid":
         rows = _grid(level)
@@ -82,8 +86,13 @@ def _cuts(design: Design, machines: list[Description]) -> Array:
     if not level.vary and not level.constraints:
         return np.empty((len(machines), each, 0))
 
+    @lru_cache(maxsize=1)
+    def machine(number: int) -> Description:
+        # One at a time, since cuts come in their machines' order: those of a large design would take all memory.
+        return described(base, design.machine, machines[number])
+
     def accepted(place: int, numbers: Array) -> bool:
-        return satisfies(described(machines[place // each], level, numbers), level)
+        return satisfies(described(machine(place // each), level, numbers), level)
 
     found = _accepted(count, _stream(design, level, CUTS, count), accepted, "cut")
     return found.reshape(len(machines), each, len(level.vary))
@@ -91,15 +100,17 @@ def _cuts(design: Design, machines: list[Description]) -> Array:
 
 def _accepted(count: int, stream: Iterator[Array], accepted: Callable[[int, Array], bool], level: str) -> Array:
     """Return the first numbers of a stream (place, key) that are accepted in their places."""
-    found = list[Array]()
-    for tried, numbers in enumerate(stream, start=1):
-        if accepted(len(found), numbers):
-            found.append(numbers)
-            if len(found) == count:
-                break
-        elif tried >= max(TRIES * (len(found) + 1), LEAST_TRIES):
-            raise ValueError(f"{level}.constraints: {len(found)} of {tried} draws satisfy them, too few to go on")
-    return np.array(found)
+
+    def found() -> Iterator[Array]:
+        kept = 0
+        for tried, numbers in enumerate(stream, start=1):
+            if accepted(kept, numbers):
+                kept += 1
+                yield numbers
+            elif tried >= max(TRIES * (kept + 1), LEAST_TRIES):
+                raise ValueError(f"{level}.constraints: {kept} of {tried} draws satisfy them, too few to go on")
+
+    return np.array(list(watched(itertools.islice(found(), count), count, f"{level}s drawn")))
 
 
 def _stream(design: Design, level: Level, use: int, count: int) -> Iterator[Array]:

@@ -40,7 +40,12 @@ class Level(Part):
     @field_validator("vary", mode="before")
     @classmethod
     def _in_short(cls, given: Any) -> Any:
-        return {key: varied_of(one) for key, one in flat(given).items()} if isinstance(given, dict) else given
+        if not isinstance(given, dict):
+            return given
+        try:
+            return {key: varied_of(one) for key, one in flat(given).items()}
+        except ValueError as error:
+            raise ValueError(f"{error}; on a command line say vary.KEY=..., in the place of all that varies") from None
 
     @field_validator("formulas", mode="before")
     @classmethod
@@ -184,6 +189,11 @@ class Design(Part):
             found = f"found {cuts} cuts of each machine at {speeds} speeds"
             raise ValueError(f"{found}, allowed: at most {MOST_OF_A_MACHINE} together")
         return self
+
+    @property
+    def varied(self) -> dict[str, Varied]:
+        """What varies from machine to machine and from cut to cut, in the order of a store's inputs."""
+        return {**self.machine.vary, **self.cut.vary}
 
     def _machines_and_cuts(self) -> tuple[int, int]:
         """Return the number of machines, of a grid before its constraints, and of the cuts of each."""

@@ -1,7 +1,7 @@
 """Kinds of studies: sweeps and data sets. What runs, keeps, checks and packs them asks a kind and not which it is."""
 
 from pipeline.kinds.dataset import Dataset
-from pipeline.kinds.kind import Computed, Kind
+from pipeline.kinds.kind import Computed, Kind, joined
 from pipeline.kinds.lobes import KERNEL, Lobes
 from pipeline.places import Place
 
@@ -14,4 +14,4 @@ def kind_of(place: Place) -> Kind:
     return KINDS[place.root]
 
 
-__all__ = ["KERNEL", "KINDS", "Computed", "Dataset", "Kind", "Lobes", "kind_of"]
+__all__ = ["KERNEL", "KINDS", "Computed", "Dataset", "Kind", "Lobes", "joined", "kind_of"]

@@ -24,6 +24,7 @@ from pipeline.kinds.kernels import function_of
 from pipeline.kinds.kind import Computed, Kind, status_of
 from pipeline.places import DATASET as STORE
 from pipeline.places import Place
+from pipeline.progress import watched
 from pipeline.settings import model_with
 
 COORDINATES = {
@@ -68,6 +69,8 @@ class Dataset(Kind):
     along, entry = "machine", "machine"
     kernel = "pipeline.samples:machine_sample"
     told_by = ()
+    # Each is a limit depth that is searched for: a dozen times the work of a sweep's cell.
+    cells_of_task = (1500, 1500)
 
     def title(self, settings: DatasetSettings) -> str:
         """Return the title of a store."""
@@ -86,7 +89,7 @@ class Dataset(Kind):
         of_machines = np.repeat(drawn.machines[:, None], cuts, axis=1)
         numbers = np.concatenate([of_machines, drawn.cuts], axis=2)
         _check(settings, numbers)
-        varied = {**design.machine.vary, **design.cut.vary}
+        varied = design.varied
         values = {
             "machine": np.arange(machines),
             "cut": np.arange(cuts),
@@ -136,12 +139,12 @@ class Dataset(Kind):
         """Return in words which chunk one is."""
         return f"machines {first} to {last - 1}"
 
-    def report(self, place: Place) -> list[Path]:
+    def report(self, place: Place, **margins: float) -> list[Path]:
         """Write card, tables, figures and page of a data set."""
         # The page imports what draws it, which a worker has no use for.
         from pipeline import dataset_report
 
-        return dataset_report.write(place)
+        return dataset_report.write(place, **margins)
 
 
 def descriptions(base: Description, design: Design, numbers: np.ndarray) -> list[Description]:
@@ -159,7 +162,7 @@ def _model(description: Description, effects_path: Path | None) -> Stages:
 
 def _check(settings: DatasetSettings, numbers: np.ndarray) -> None:
     """Raise InvalidInput for the first machine of a design that cannot be."""
-    for machine, cuts in enumerate(numbers):
+    for machine, cuts in enumerate(watched(numbers, len(numbers), "machines checked")):
         try:
             found = descriptions(settings.base, settings.design, cuts)
         except ValueError as error:
@@ -172,8 +175,8 @@ def _check(settings: DatasetSettings, numbers: np.ndarray) -> None:
                 told = sentences(error, Machine)
             except InvalidInput as error:
                 told = error.problems
-            varied = {**settings.design.machine.vary, **settings.design.cut.vary}
-            drawn = ", ".join(f"{k} {v.value(float(x))}" for (k, v), x in zip(varied.items(), cuts[cut], strict=True))
+            varied = settings.design.varied.items()
+            drawn = ", ".join(f"{k} {v.value(float(x))}" for (k, v), x in zip(varied, cuts[cut], strict=True))
             what = f"drawn: {drawn}. Narrow what varies, or add a constraint"
             raise InvalidInput([f"design: machine {machine} cannot be: {one}; {what}" for one in told])
 

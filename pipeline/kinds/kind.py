@@ -1,7 +1,7 @@
 """What a kind of study is: what its store holds, how a chunk of it is computed, what people read of it."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,15 @@ class Computed:
     errors: tuple[str, ...] = ()
 
 
+def joined(parts: Sequence[Computed]) -> Computed:
+    """Return parts of a chunk, in their order, as one."""
+    return Computed(
+        arrays={name: np.concatenate([part.arrays[name] for part in parts]) for name in parts[0].arrays},
+        status=np.concatenate([part.status for part in parts]),
+        errors=tuple(error for part in parts for error in part.errors),
+    )
+
+
 def status_of(error: Exception) -> int:
     """Return the status of what raised: outside what the model holds for, or not computed."""
     return STATUS["outside_validity" if isinstance(error, NoEquilibrium | InvalidInput) else "not_converged"]
@@ -39,7 +48,8 @@ class Kind(ABC):
     unit suffix and meaning; wholes: variables that are written once, before the chunks; chunked: those that are
     written chunk by chunk; status: completion and outcome; along: dimension that chunks are blocks of; entry: what one
     along it is called; kernel: physics that a chunk is computed by, ``MODULE:FUNCTION``;
-    told_by: coordinates that say to people which chunk one is.
+    told_by: coordinates that say to people which chunk one is; cells_of_task: least and most cells of a chunk, where
+    nothing is said.
     """
 
     name: str
@@ -53,6 +63,7 @@ class Kind(ABC):
     entry: str
     kernel: str
     told_by: tuple[str, ...]
+    cells_of_task: tuple[int, int]
 
     @property
     def outer(self) -> int:
@@ -91,5 +102,8 @@ class Kind(ABC):
         """Return in words which chunk one is; values: of the coordinates in ``told_by``."""
 
     @abstractmethod
-    def report(self, place: Place) -> list[Path]:
-        """Write what people read of a store; return the paths. Raises InvalidInput where it cannot be read."""
+    def report(self, place: Place, **margins: float) -> list[Path]:
+        """Write what people read of a store; return the paths. Raises InvalidInput where it cannot be read.
+
+        margins: of recommended cuts by their keys, in the place of those that its last run named.
+        """

@@ -53,6 +53,8 @@ class Lobes(Kind):
     along, entry = "spindle_speed", "speed"
     kernel = KERNEL
     told_by = ("modal_parameters", "preload", "mode_count", "spindle_speed")
+    # A quarter of a second of a core, and somewhat more than one.
+    cells_of_task = (1500, 8000)
 
     def title(self, settings: Settings) -> str:
         """Return the title of a store."""
@@ -121,12 +123,12 @@ class Lobes(Kind):
         begin, end = values["spindle_speed"][first], values["spindle_speed"][last - 1]
         return f"{parameters}, {preload:g} N, {modes} mode{'s' if modes > 1 else ''}, {begin:g} to {end:g} rpm"
 
-    def report(self, place: Place) -> list[Path]:
+    def report(self, place: Place, **margins: float) -> list[Path]:
         """Write tables, figures and the page of a sweep."""
         # The page imports what draws it, which a worker has no use for.
         from pipeline import report
 
-        return report.write(place)
+        return report.write(place, **margins)
 
 
 def coordinate_values(settings: Settings) -> dict[str, np.ndarray]:

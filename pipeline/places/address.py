@@ -5,9 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from chatter_core.errors import InvalidInput
+from pipeline.verbs.options import LEASE, LONGEST, SHORTEST
 
-#: Seconds after which a run that is not heard of holds an object store no longer, unless said, and what may be said.
-LEASE, SHORTEST, LONGEST = 60.0, 3.0, 86400.0
 #: File that names the object store to which a folder belongs.
 POINTER = "object_store.txt"
 #: Bucket and prefix, as every S3-speaking store allows them.

@@ -19,9 +19,9 @@ from obstore.store import S3Store
 
 from chatter_core.errors import InvalidInput
 from pipeline.errors import StoreInUse, StoreUnavailable
-from pipeline.places.address import LEASE
 from pipeline.places.place import CLOCK, LOCK, StillHeld
 from pipeline.places.s3 import clear_words
+from pipeline.verbs.options import LEASE
 
 #: A condition that never holds: the tag of no content.
 ANOTHER = {"e_tag": f'"{0:032}"'}

@@ -10,10 +10,11 @@ import obstore
 from obstore.store import S3Store
 
 from pipeline.locking import make_folder
-from pipeline.places.address import LEASE, POINTER, address_in
+from pipeline.places.address import POINTER, address_in
 from pipeline.places.lease import Lease
 from pipeline.places.place import LOBES, Found, Given, Place, StillHeld
 from pipeline.places.s3 import ClearStore, clear_words, opened
+from pipeline.verbs.options import LEASE
 
 #: Objects that are asked for or written at a time: an answer takes tens of milliseconds, whatever is asked.
 AT_ONCE = 16

@@ -60,7 +60,7 @@ def test_the_static_base_and_what_restores_it(capsys):
             ["effects.process_damping.coefficient_n_m=3"],
             "error: effects.process_damping: the effect is not on; say effects=[process_damping]",
         ),
-        (["base=static"], "error: base: found 'static'; did you mean static_bearing?"),
+        (["base=static"], "error: base: found 'static', allowed: one of 'full' or 'static_bearing'"),
     ],
 )
 def test_mistakes_get_one_sentence(capsys, words, said):

@@ -1,10 +1,12 @@
 """A study of twelve small chunks, and how to run it with a kernel in the place of the physics."""
 
+import fcntl
 import json
 import os
 import signal
 import subprocess
 import sys
+import termios
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -58,21 +60,25 @@ def run(words: list[str], kernel: str = "plain") -> int:
 
 
 def sweep_process(
-    output: Path, *words: str, kernel: str = "slow", launcher: tuple[str, ...] = ()
+    output: Path, *words: str, kernel: str = "slow", launcher: tuple[str, ...] = (), terminal: int | None = None
 ) -> subprocess.Popen[str]:
-    """Run the small study in a process of its own, in a process group of its own; launcher: what starts it."""
+    """Run the small study in a process of its own, in a process group of its own.
+
+    launcher: what starts it; terminal: descriptor of the one that it speaks to and is closed with, pipes without one.
+    """
+    # Worker processes import the script again, and need none of this.
     script = (
-        "import sys\n"
-        "from tests.pipeline.studies import run\n"
-        "from pipeline.__main__ import main\n"
-        "from pipeline import report, sweep\n"
         "if __name__ == '__main__':\n"
-        # Tables and figures take longer than everything else.
-        "    report.write = lambda output: []\n"
+        "    import sys\n"
+        "    from pipeline import sweep\n"
+        "    from pipeline.__main__ import main\n"
+        "    from pipeline.kinds import Lobes\n"
+        "    from tests.pipeline.studies import run\n"
+        # Tables and figures take longer than everything else, and so does what draws them to import.
+        "    Lobes.report = lambda self, place: []\n"
         f"    sweep.run = lambda words: run(words, kernel='{kernel}')\n"
         "    sys.exit(main(['sweep', *sys.argv[1:]]))\n"
     )
-    # A file, not -c: worker processes import the script again.
     file = output.parent / "run_sweep.py"
     file.write_text(script)
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
@@ -80,11 +86,18 @@ def sweep_process(
         [*launcher, sys.executable, str(file), f"output={output}", *words],
         cwd=output.parent,
         env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+        stdin=terminal,
+        stdout=subprocess.PIPE if terminal is None else terminal,
+        stderr=subprocess.PIPE if terminal is None else terminal,
         text=True,
         start_new_session=True,
+        preexec_fn=None if terminal is None else _take_terminal,
     )
+
+
+def _take_terminal() -> None:
+    """Make what this process reads from the terminal that its session belongs to."""
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 
 
 @contextmanager

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from chatter_core.errors import InvalidInput
+from pipeline import report
 from pipeline.best_cuts import best_cuts, removal_rate, safe_depth
+from pipeline.places import Folder
+from pipeline.settings import margins_of
+from tests.pipeline.studies import sweep
 
 SPEED = np.arange(5000.0, 15001.0, 50.0)
 SETTINGS = {
@@ -44,9 +49,11 @@ def test_a_slot_is_as_wide_as_the_tool():
 
 def test_without_margins_the_best_cut_lies_on_the_boundary_where_depth_times_speed_is_largest():
     limit = 2.5 - np.abs(SPEED - 9000.0) / 2000.0
-    depth = safe_depth(study(limit), depth_margin=0.0, speed_margin=0.0).values.ravel()
-    assert depth == pytest.approx(limit, rel=1e-12)
-    found = best_cuts(study(limit))
+    lobes = study(limit)
+    lobes.attrs["margins"] = {"depth_percent": 0.0, "speed_percent": 0.0}
+    assert safe_depth(limit, SPEED, margins_of(lobes.attrs)) == pytest.approx(limit, rel=1e-12)
+    found = best_cuts(lobes)
+    assert found["spindle_speed"][0] == 9000.0
     assert len(found) == 1
     assert not found["limit_above_grid"][0]
 
@@ -75,3 +82,26 @@ def test_a_boundary_above_the_grid_counts_as_its_last_depth_and_is_told():
 
 def test_a_line_without_any_result_has_no_best_cut():
     assert best_cuts(study(np.ones(len(SPEED)), hollow=range(len(SPEED)))).empty
+
+
+def test_margins_are_kept_with_a_study_changed_without_computing_and_told_on_its_page(tmp_path, monkeypatch):
+    # Pictures take longer than everything else.
+    monkeypatch.setattr("pipeline.figures.write", lambda *_: [])
+    assert sweep(tmp_path / "study", kernel="lobes_of_a_ramp") == 0
+    place = Folder(tmp_path / "study")
+    computed = list(place.written("lobes.zarr/status"))
+    assert sweep(tmp_path / "study", "margins.depth_percent=25", kernel="lobes_of_a_ramp") == 0
+    page = place.output / "report.html"
+    assert "25 % below the boundary at all speeds within 2 %" in page.read_text()
+    assert list(place.written("lobes.zarr/status")) == computed
+    assert report.run([place.option, "margins.speed_percent=0"]) == 0
+    assert "25 % below the boundary at all speeds within 0 %" in page.read_text()
+
+
+def test_margins_that_are_none_are_told(tmp_path, monkeypatch):
+    monkeypatch.setattr("pipeline.report.write", lambda *_, **__: [])
+    assert sweep(tmp_path / "study") == 0
+    with pytest.raises(InvalidInput, match=r"margins\.depth_percent: found '100', allowed: less than 100"):
+        report.run([f"output={tmp_path / 'study'}", "margins.depth_percent=100"])
+    with pytest.raises(InvalidInput, match=r"margins\.speed_percent: found -1, allowed: at least 0"):
+        sweep(tmp_path / "study", "margins.speed_percent=-1")

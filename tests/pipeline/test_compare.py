@@ -148,7 +148,7 @@ def test_residuals_lie_over_speed_depth_order_and_frequency(heard):
     assert len(panels) == (8 if heard else 3)
 
 
-def test_a_written_model_predicts_what_the_comparison_said(down_milling, tmp_path):
+def test_a_written_model_predicts_what_the_comparison_said(down_milling, tmp_path, capsys):
     trials = table(down_milling / "trials.csv")
     file = plan(tmp_path, [[r["trial"], r["spindle_speed_rpm"], r["axial_depth_mm"]] for r in trials])
     model = f"model={down_milling / 'model.yaml'}"
@@ -158,7 +158,11 @@ def test_a_written_model_predicts_what_the_comparison_said(down_milling, tmp_pat
     assert [float(row["spectral_radius"]) > 1.0 for row in found] == chatters
     assert {row["status"] for row in found} == {"ok"}
     again = tmp_path / "again"
-    assert main(["compare", f"campaign={CAMPAIGNS / 'r02'}", model, f"output={again}", SERIAL]) == 0
+    capsys.readouterr()
+    assert main(["compare", f"campaign={CAMPAIGNS / 'r02'}", model, f"output={again}", SERIAL, "format=json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["comparison"] == json.loads((again / "comparison.json").read_text())
+    assert str(again / "model.yaml") in told["written"]
     # From its own calibration: as described is what it was calibrated to.
     first, second = (json.loads((f / "comparison.json").read_text())["errors"] for f in (down_milling, again))
     assert second["outcome"]["as_described"]["value"] == first["outcome"]["calibrated"]["value"]

@@ -8,9 +8,11 @@ import xarray as xr
 
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS
-from pipeline import store
+from pipeline import dispatch, metadata, store
 from pipeline.chunks import Chunk
+from pipeline.errors import StorageFailed
 from pipeline.places import Folder
+from pipeline.task import Record, Task
 from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED
 from tests.pipeline.studies import CELLS, CHUNKS, journal, lobes, sweep
 
@@ -43,6 +45,27 @@ def test_a_damaged_chunk_is_computed_again(tmp_path: Path, reference: xr.Dataset
     (output / "lobes.zarr/status/c.0.1.0.1.0").write_bytes(b"cut short by a power failure")
     assert sweep(output) == 0
     assert len(journal(output, "chunk")) == CHUNKS + 1
+    xr.testing.assert_identical(lobes(output).drop_attrs(), reference.drop_attrs())
+
+
+def test_what_is_removed_while_a_run_goes_on_does_not_count_whatever_workers_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reference: xr.Dataset
+) -> None:
+    output, removed = tmp_path / "study", "status/c.0.0.0.0.0"
+    compute = dispatch.compute_chunk
+
+    def compute_and_remove(task: Task) -> Record:
+        (output / "lobes.zarr" / removed).unlink(missing_ok=True)
+        return compute(task)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(dispatch, "compute_chunk", compute_and_remove)
+        with pytest.raises(StorageFailed, match="1 chunks that were written are not"):
+            sweep(output)
+    assert not metadata.attributes(Folder(output))["complete"]
+    assert sweep(output) == 0
+    assert len(journal(output, "chunk")) == CHUNKS + 1
+    assert metadata.attributes(Folder(output))["complete"]
     xr.testing.assert_identical(lobes(output).drop_attrs(), reference.drop_attrs())
 
 

@@ -3,7 +3,8 @@
 import csv
 import io
 import json
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -24,10 +25,11 @@ VERDICTS = ("none", "effect", "ambiguous", "unexplained", "underpowered")
 def improvement(tmp_path_factory):
     """What ``improve`` leaves and prints of the real cuts in up-milling, as docs/how_to/cuts.md asks for it."""
     output = tmp_path_factory.mktemp("improve") / "r01"
-    said = io.StringIO()
-    with pytest.MonkeyPatch.context() as patched, redirect_stdout(said):
+    told, said = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patched, redirect_stdout(told), redirect_stderr(said):
         patched.chdir(ROOT)
-        assert main([*asked_for(PAGE, "improve"), f"output={output}", "cluster=serial"]) == 0
+        assert main([*asked_for(PAGE, "improve"), f"output={output}", "cluster=serial", "format=json"]) == 0
+    (output / "told.json").write_text(told.getvalue())
     return output, said.getvalue()
 
 
@@ -40,6 +42,15 @@ def test_the_first_step_is_the_diagnosis_that_the_page_quotes(improvement):
     assert asked_for(PAGE, "improve")[1:] == asked_for(PAGE, "diagnose")[1:] == ["campaign=tests/data/campaigns/r01"]
     for line in answer_below(PAGE, "diagnose").splitlines():
         assert line in improvement[1]
+
+
+def test_scripts_are_told_what_was_added_and_the_last_diagnosis(improved):
+    told = json.loads((improved / "told.json").read_text())
+    assert (told["verb"], told["campaign"], told["exit_code"], told["errors"]) == ("improve", "r01", 0, [])
+    with (improved / "history.csv").open() as file:
+        assert [row["effect"] for row in told["history"]] == [row["effect"] for row in csv.DictReader(file)]
+    assert told["diagnosis"]["verdict"] in VERDICTS
+    assert {Path(path).name for path in told["written"]} >= {"model.yaml", "history.csv", "diagnosis.json"}
 
 
 def test_a_diagnosis_has_one_of_five_answers_and_its_reasons(improved):

@@ -107,7 +107,7 @@ def test_bad_rows_get_one_message_and_exit_code_two(tmp_path, capsys, change, sa
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        pytest.param(["frf=none.csv"], "none.csv: is no file", id="no file"),
+        pytest.param(["frf=none.csv"], "none.csv: no such file", id="no file"),
         pytest.param([], "frf: missing; needed: frf=FILE with receptances, or campaign=DIR", id="no frf"),
         pytest.param(["frf={frf}", "modes=0"], "modes: found '0', allowed: at least 1", id="no modes"),
         pytest.param(

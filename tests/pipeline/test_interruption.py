@@ -1,23 +1,22 @@
-"""Runs in trouble: Ctrl-C in a terminal, a worker lost or all of them, a second run, open ports."""
+"""Runs in trouble: Ctrl-C in a terminal or its end, a worker lost or all of them, a second run."""
 
 import os
 import signal
+from contextlib import suppress
 from pathlib import Path
 from unittest.mock import Mock
 
 import numpy as np
-import psutil
 import pytest
 import xarray as xr
 
 from chatter_core.variables import STATUS
 from pipeline import cluster, store
 from pipeline.chunks import Chunk
-from pipeline.cluster import Workers, open_client
+from pipeline.cluster import Workers
 from pipeline.errors import WorkersLost
-from pipeline.settings import Cluster
 from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED, GATE
-from tests.pipeline.studies import CHUNKS, PATIENCE, journal, lobes, sweep, sweep_process, wait_until
+from tests.pipeline.studies import CHUNKS, PATIENCE, ended, journal, lobes, sweep, sweep_process, wait_until
 
 
 def finished_chunks(output: Path) -> list[Chunk]:
@@ -38,7 +37,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     return lobes(output)
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGKILL, -9), (signal.SIGTERM, 143), (signal.SIGINT, 130)])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGKILL, -9), (signal.SIGTERM, 143)])
 def test_an_interrupted_run_goes_on_to_the_same_store(
     tmp_path: Path, reference: xr.Dataset, number: int, code: int
 ) -> None:
@@ -72,6 +71,33 @@ def test_ctrl_c_in_a_terminal_ends_a_run_with_worker_processes_in_good_order(
     assert len(journal(output, "stopped")) == 1
     done = len(finished_chunks(output))
     assert len(journal(output, "chunk")) == done < CHUNKS
+    assert sweep(output) == 0
+    assert len(journal(output, "chunk")) == CHUNKS
+    xr.testing.assert_identical(lobes(output).drop_attrs(), reference.drop_attrs())
+
+
+def test_a_closed_terminal_ends_a_run_as_a_signal_does(tmp_path: Path, reference: xr.Dataset) -> None:
+    """Whose ssh connection is lost finds in the journal how to go on."""
+    output, (ours, theirs) = tmp_path / "study", os.openpty()
+    os.set_blocking(ours, False)
+    process = sweep_process(output, "cluster=local", "cluster.workers=1", terminal=theirs)
+    os.close(theirs)
+
+    def two_done() -> bool:
+        with suppress(BlockingIOError):
+            # Somebody has to read what a terminal shows.
+            os.read(ours, 65536)
+        return len(journal(output, "chunk")) >= 2
+
+    with ended(process):
+        wait_until(two_done, process)
+        # From here on what is written to it is an error, and the whole session is told.
+        os.close(ours)
+        assert process.wait(PATIENCE) == 128 + signal.SIGHUP
+    (stopped,) = journal(output, "stopped")
+    assert stopped["signal"] == "SIGHUP"
+    assert stopped["again"] == f"python -m pipeline sweep output={output} cluster=local cluster.workers=1"
+    assert len(journal(output, "chunk")) == len(finished_chunks(output)) < CHUNKS
     assert sweep(output) == 0
     assert len(journal(output, "chunk")) == CHUNKS
     xr.testing.assert_identical(lobes(output).drop_attrs(), reference.drop_attrs())
@@ -130,17 +156,3 @@ def test_workers_are_counted_as_they_come_and_none_is_not_waited_for_without_end
         workers.look()
     # What was handed out to those that are gone stays theirs until they are given up.
     assert workers.count == 5
-
-
-@pytest.mark.parametrize("kind", ["local", "threads"])
-def test_no_port_is_open_beyond_this_machine(kind: str) -> None:
-    before = listening()
-    with open_client(Cluster(kind=kind, workers=1)):
-        opened = listening() - before
-    assert {address for address, _ in opened} == {"127.0.0.1"}
-
-
-def listening() -> set[tuple[str, int]]:
-    me = psutil.Process()
-    family = [me, *me.children(recursive=True)]
-    return {c.laddr for p in family for c in p.net_connections() if c.status == psutil.CONN_LISTEN}

@@ -7,7 +7,7 @@ import xarray as xr
 
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import SWEEP
-from pipeline import execution, report, store, verify
+from pipeline import execution, metadata, report, store, verify
 from pipeline.__main__ import main
 from pipeline.chunks import Chunk
 from pipeline.pack import SHARD_BYTES, pack, shard_shape
@@ -70,6 +70,7 @@ def test_a_flipped_bit_in_a_shard_is_found_and_repaired(output: Path, name: str,
 
 
 def test_an_unfinished_store_is_not_packed(output: Path) -> None:
+    metadata.begin(Folder(output), "a run that was killed")
     store.mark_chunk(Folder(output), Chunk(outer=(0, 1, 0), first=2, last=4), 0)
     with pytest.raises(InvalidInput, match="1 chunks are not computed yet"):
         pack(Folder(output))

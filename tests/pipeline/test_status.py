@@ -95,7 +95,7 @@ def test_a_damaged_chunk_is_pending(tmp_path):
     [
         ([], "output: missing"),
         (["output=nowhere"], "holds no lobes.zarr"),
-        (["output=nowhere", "format=xml"], "format: found 'xml', allowed: text, json"),
+        (["output=nowhere", "format=xml"], "format: found 'xml', allowed: one of 'text' or 'json'"),
         (["output=nowhere", "study=smoke"], "not for status"),
     ],
 )

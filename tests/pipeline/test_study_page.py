@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline import store
+from pipeline.best_cuts import best_cuts
 from pipeline.places import Folder
 from tests.pipeline.browser import needs_chromium, opened
 from tests.pipeline.studies import sweep
@@ -21,15 +22,15 @@ def study(tmp_path_factory):
     return output
 
 
-def plotted(page, name, column):
-    """Return what a plot shows of a column."""
-    script = """([title, column]) => {
+def plotted(page, name, column, beside=None):
+    """Return what a plot shows of a column, of the first source that has it, or of the one with another beside it."""
+    script = """([title, column, beside]) => {
         const plots = Bokeh.documents.flatMap((own) => [...own._all_models.values()]).filter((m) => m.type === "Figure")
         const plot = plots.find((one) => one.title.text.startsWith(title))
-        const source = plot.renderers.map((one) => one.data_source).find((one) => column in one.data)
+        const source = plot.renderers.map((one) => one.data_source).find((one) => beside in one.data)
         return Array.from(source.data[column])
     }"""
-    return np.array(page.evaluate(script, [name, column]))
+    return np.array(page.evaluate(script, [name, column, beside or column]))
 
 
 def limits(study, **chosen):
@@ -58,6 +59,31 @@ def test_choices_change_what_is_shown(study):
         assert plotted(page, "Spectral radius", "limit") == pytest.approx(
             limits(study, preload=200.0, mode_count=1), rel=1e-6
         )
+
+
+def choose_margins(page, depth, speed):
+    """Move the sliders of a page [%]."""
+    script = """(wanted) => {
+        for (const own of Bokeh.documents) for (const model of own._all_models.values())
+            if (model.type === "Slider") model.value = wanted[model.title]
+    }"""
+    page.evaluate(script, {"margin in depth, %": depth, "margin in speed, %": speed})
+
+
+def test_sliders_show_the_best_cut_that_python_finds(study):
+    with store.open_lobes(Folder(study)) as opened_store:
+        lobes = opened_store.isel(modal_parameters=[0]).load()
+    with opened(study / "report.html") as page:
+        page.get_by_label("preload").select_option("200 N")
+        # Neighbours are 8 to 12 % apart: only the second and third take them in.
+        for depth, speed in ((0.0, 0.0), (25.0, 9.5), (10.0, 20.0)):
+            choose_margins(page, depth, speed)
+            lobes.attrs["margins"] = {"depth_percent": depth, "speed_percent": speed}
+            cut = best_cuts(lobes).set_index(["preload", "mode_count"]).loc[(200.0, 2)]
+            found = [plotted(page, "Stability lobes", name, beside="depth")[0] for name in ("speed", "depth", "rate")]
+            # The same arithmetic, in numbers of double precision.
+            expected = cut[["spindle_speed", "axial_depth", "removal_rate_cm3_min"]].tolist()
+            assert found == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_pointer_is_told_speed_depth_and_what_chatters(study):

@@ -9,12 +9,14 @@ import pytest
 from distributed import Future
 
 from chatter_core.errors import InvalidInput
-from pipeline import store, verify
+from pipeline import metadata, store, verify
 from pipeline.cluster import open_client
-from pipeline.dispatch import Stopping, dispatched
+from pipeline.dispatch import dispatched
 from pipeline.pack import pack
 from pipeline.places import Folder
+from pipeline.provenance import code_version
 from pipeline.settings import Cluster
+from pipeline.stopping import Stopping
 from pipeline.task import Task, compute_chunk
 from tests.pipeline.studies import CHUNKS, journal, lobes, study, sweep
 
@@ -44,7 +46,7 @@ def test_a_worker_that_outlives_a_study_reads_the_next_one_in_its_place(tmp_path
         store.create(place, settings, [])
         group = store.check(place)
         for chunk in store.chunks(group):
-            compute_chunk(Task(place=place, chunk=chunk, kernel=PLAIN, made=store.identity(group)))
+            compute_chunk(Task(place=place, chunk=chunk, kernel=PLAIN, made=metadata.identity(place)))
     assert lobes(place.output).equals(lobes(tmp_path / "reference"))
 
 
@@ -66,7 +68,7 @@ def test_chunks_that_a_restarted_scheduler_has_forgotten_are_handed_out_again(tm
     every = store.chunks(store.open_group(place))
     for chunk in every:
         store.mark_chunk(place, chunk, 0)
-    made = store.identity(store.open_group(place))
+    made = metadata.identity(place)
     tasks = (Task(place=place, chunk=chunk, kernel=SLOW, made=made) for chunk in every)
     found = list[Any]()
     with open_client(Cluster(kind="threads", workers=1)) as client:
@@ -125,4 +127,4 @@ def test_the_history_says_by_which_code_each_run_computed(tmp_path: Path) -> Non
     store.mark_chunk(place, store.chunks(store.open_group(place))[0], 0)
     sweep(tmp_path)
     history = np.asarray(lobes(tmp_path).attrs["history"])
-    assert [line.partition(", code ")[2] for line in history] == [store.code_version()] * 2
+    assert [line.partition(", code ")[2] for line in history] == [code_version()] * 2

@@ -1,5 +1,7 @@
 """A store read back: every flipped bit is found, and what it damaged is computed again."""
 
+import errno
+import os
 import shutil
 from pathlib import Path
 
@@ -16,7 +18,9 @@ from pipeline.settings import Cluster
 
 from tests.pipeline.studies import CHUNKS, journal, lobes, study, sweep as sweep_study  # isort: skip
 
-FLIPS = 100
+#: Bits that are flipped one after the other, each of which costs a reading of the store; more by the environment, as
+#: ``make soak`` has. Files that are damaged at once.
+FLIPS, DAMAGED = int(os.environ.get("FLIPS", "25")), 100
 
 
 @pytest.fixture(autouse=True)
@@ -77,7 +81,7 @@ def test_every_one_of_many_random_bit_flips_is_found(output: Path) -> None:
 
 def test_what_many_flips_at_once_have_damaged_is_made_as_it_was(output: Path, made: Path) -> None:
     random, files = np.random.default_rng(20261123), files_of(output)
-    for which in random.choice(len(files), FLIPS, replace=False):
+    for which in random.choice(len(files), DAMAGED, replace=False):
         flip(files[which], int(random.integers(8 * files[which].stat().st_size)))
     assert verify.damage(Folder(output))
     assert repaired(output) == 0
@@ -91,6 +95,20 @@ def test_only_what_is_damaged_is_computed_again(output: Path) -> None:
     assert repaired(output) == 0
     again = [(event["outer"], event["speeds"]) for event in journal(output, "chunk")][CHUNKS:]
     assert again == [([0, 0, 1], [4, 6]), ([0, 1, 0], [2, 4])]
+
+
+def test_a_status_that_is_gone_of_a_complete_store_is_damage(output: Path, made: Path) -> None:
+    (output / "lobes.zarr/status/c.0.1.0.1.0").unlink()
+    found = verify.damage(Folder(output))
+    assert found.sentences() == ["status: indices 0, 1, 0, speeds 2 to 3"]
+    assert repaired(output) == 0
+    xr.testing.assert_identical(lobes(output).drop_attrs(), lobes(made).drop_attrs())
+
+
+def test_what_was_never_computed_is_no_damage(output: Path) -> None:
+    (output / "lobes.zarr/status/c.0.1.0.1.0").unlink()
+    metadata.begin(Folder(output), "a run that was killed")
+    assert not verify.damage(Folder(output))
 
 
 @pytest.mark.parametrize("place", ["zarr.json", "status/zarr.json", "preload/c.0", "natural_frequency/c.0.0.0.0.0"])
@@ -169,6 +187,46 @@ def test_a_store_of_folders_is_continued_and_repaired_as_it_is(
     assert not verify.damage(Folder(output))
     assert not list(output.rglob("c.*"))
     xr.testing.assert_identical(lobes(output).drop_attrs(), lobes(made).drop_attrs())
+
+
+@pytest.mark.parametrize(
+    ("key", "told"),
+    [
+        ("spectral_radius/c.0.1.0.1.0", "spectral_radius: indices 0, 1, 0, speeds 2 to 3"),
+        ("status/c.0.1.0.1.0", "status: indices 0, 1, 0, speeds 2 to 3"),
+        ("preload/c.0", "preload: cannot be read"),
+        ("zarr.json", "zarr.json: does not bear its checksum"),
+    ],
+)
+def test_a_file_of_which_the_disk_has_lost_a_sector_is_named_and_written_elsewhere(
+    output: Path, made: Path, monkeypatch: pytest.MonkeyPatch, key: str, told: str
+) -> None:
+    flip(output / "lobes.zarr/limit_depth/c.0.0.1.2.0", 33)
+    whole = Path.read_bytes
+    # As long as it is open no other file is given its place on the disk.
+    with (output / "lobes.zarr" / key).open("rb") as ill:
+        lost = os.fstat(ill.fileno())
+
+        def read_bytes(path: Path) -> bytes:
+            if path.exists() and os.path.samestat(path.stat(), lost):
+                raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
+            return whole(path)
+
+        monkeypatch.setattr(Path, "read_bytes", read_bytes)
+        assert told in verify.damage(Folder(output)).sentences()
+        assert repaired(output) == 0
+        assert not verify.damage(Folder(output))
+        xr.testing.assert_identical(lobes(output).drop_attrs(), lobes(made).drop_attrs())
+
+
+def test_a_disk_that_cannot_be_read_at_all_is_no_damage(output: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def read_bytes(path: Path) -> bytes:
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE), str(path))
+
+    group = store.open_group(Folder(output))
+    monkeypatch.setattr(Path, "read_bytes", read_bytes)
+    with pytest.raises(OSError, match="Too many open files"):
+        store.unreadable_parts(group, store.chunks(group)[0])
 
 
 def test_damage_is_told_by_place_with_the_command_that_repairs_it(

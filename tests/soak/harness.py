@@ -28,15 +28,17 @@ POLL = 0.02
 #: Chunks that a worker has at hand: one in progress, and those handed out beside it.
 AT_HAND = 4
 
+# Worker processes import it again, and need none of this.
 SCRIPT = """
-import sys
-from pathlib import Path
-from pipeline import execution, report, sweep
-from pipeline.__main__ import main
-from pipeline.places import Folder
-from tests.pipeline.studies import study
 if __name__ == "__main__":
-    report.write = lambda output: []
+    import sys
+    from pathlib import Path
+    from pipeline import execution, sweep
+    from pipeline.__main__ import main
+    from pipeline.kinds import Lobes
+    from pipeline.places import Folder
+    from tests.pipeline.studies import study
+    Lobes.report = lambda self, place: []
     kernel = "tests.soak.kernel:logged"
     sweep.run = lambda words: execution.execute(study(*words[1:]), Folder(Path(words[0])), kernel=kernel)
     sys.exit(main(["sweep", *sys.argv[1:]]))

@@ -6,6 +6,7 @@ from unittest.mock import Mock
 import pytest
 
 from pipeline import cluster, dispatch
+from pipeline.stopping import Stopping
 
 
 class Enough(Exception):
@@ -36,5 +37,5 @@ def test_workers_that_come_later_are_given_chunks_before_any_has_ended(monkeypat
     monkeypatch.setattr(cluster, "LOOK", 0.0)
     monkeypatch.setattr(dispatch, "as_completed", NothingEnds)
     with pytest.raises(Enough):
-        next(dispatch.dispatched([Mock()] * 1000, client, dispatch.Stopping(), patience=60.0))
+        next(dispatch.dispatched([Mock()] * 1000, client, Stopping(), patience=60.0))
     assert client.submit.call_count == 50 * (1 + dispatch.WINDOW)

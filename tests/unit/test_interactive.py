@@ -26,7 +26,7 @@ def test_reference_machine_has_its_limit_depths(reference_machine):
     assert found.natural_frequency_hz.shape == (4, 2, 4)
     told = repr(found)
     assert "4 spindle speeds, 12000 to 18000 rpm" in told
-    assert "shallowest limit 0.8" in told
+    assert "shallowest limit  0.8" in told
 
 
 def test_what_is_stable_is_told_so_and_effects_act(machine):

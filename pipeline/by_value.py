@@ -1,0 +1,51 @@
+"""Limit depths over speed by the values of one input: the middle of all cuts that have a value, and their range."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from pipeline.dataset_tables import inputs_table, limit_or_deepest, quantiles
+from pipeline.page import cell
+
+#: Values of an input that a picture tells apart.
+FEWEST, MOST = 2, 12
+#: Least, median and largest.
+SHARES = (0.0, 0.5, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfValue:
+    """What limit depths are where an input has a value.
+
+    name: the value as people read it; cuts: how many have it; least, middle, largest: (speed,) [mm], NaN where nothing
+    is known.
+    """
+
+    name: str
+    cuts: int
+    least: np.ndarray
+    middle: np.ndarray
+    largest: np.ndarray
+
+
+def by_value(data: xr.Dataset) -> dict[str, list[OfValue]]:
+    """Return limit depths by the values of every input that has few, numbers in their order, words in the design's."""
+    told, numbers = inputs_table(data), data["input"].values.reshape(-1, data.sizes["input_key"])
+    limit = limit_or_deepest(data)
+    limit = limit.reshape(-1, limit.shape[-1])
+    alone = data.attrs["settings"]["design"]["sampling"] == "one_at_a_time"
+    found = {}
+    for place, key in enumerate(told.columns):
+        # One at a time, the others are as described where this one varies: in its own two machines and the first.
+        rows = np.array([0, 1 + 2 * place, 2 + 2 * place]) if alone else np.arange(len(limit))
+        values = np.unique(numbers[rows, place])
+        if FEWEST <= len(values) <= MOST:
+            own = [rows[numbers[rows, place] == value] for value in values]
+            found[str(key)] = [_of_value(cell(told[key].iloc[those[0]]), limit[those]) for those in own]
+    return found
+
+
+def _of_value(name: str, limit: np.ndarray) -> OfValue:
+    least, middle, largest = quantiles(limit, SHARES)
+    return OfValue(name=name, cuts=len(limit), least=least, middle=middle, largest=largest)

@@ -1,0 +1,68 @@
+"""The verb: two studies are read, held against each other, and the answer left in a folder."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from chatter_core.errors import InvalidInput
+from pipeline.configuration import sort_words
+from pipeline.contrast import figures, findings, page, tables
+from pipeline.contrast.contrasted import Contrast, contrast
+from pipeline.contrast.lines import read
+from pipeline.locking import held_for_results
+from pipeline.places import STORES, Place
+from pipeline.settings import Margins
+from pipeline.study_place import foreign_words, study_in
+from pipeline.telling import fact, say, wrote
+from pipeline.verbs.stores import ContrastOptions
+
+#: Options that name the studies, each by its folder or its address.
+STUDIES = ("first", "second")
+
+
+def run(words: list[str]) -> int:
+    """Hold two studies against each other; return the exit code."""
+    found = sort_words(words, ContrastOptions.fields())
+    if problems := foreign_words(found, ContrastOptions):
+        raise InvalidInput(problems)
+    options = ContrastOptions.read(found.options)
+    margins = Margins.model_validate(options.margins)
+    places = [_study(name, getattr(options, name)) for name in STUDIES]
+    output = options.output or Path("results") / f"contrast-{'-'.join(map(_short, places))}"
+    _refuse_loss(output)
+    both = contrast(*(read(place, margins.said) for place in places))
+    with held_for_results(output):
+        written = _write(both, margins, output)
+    told = findings.findings(both)
+    fact(findings=told)
+    for sentence in told:
+        say(sentence)
+    wrote(written)
+    return 0
+
+
+def _study(name: str, value: str) -> Place:
+    return study_in({"store" if "://" in value else "output": value}, name)
+
+
+def _short(place: Place) -> str:
+    """Return the last part of a folder's path, or of an address."""
+    return place.option.rstrip("/").replace("=", "/").rsplit("/", 1)[-1].strip(".") or "here"
+
+
+def _refuse_loss(output: Path) -> None:
+    """Raise InvalidInput where the answer would be written into the folder of a study."""
+    if any((output / store).exists() for store in STORES):
+        raise InvalidInput([f"output: {output} is the folder of a study; name another"])
+
+
+def _write(found: Contrast, margins: Margins, output: Path) -> list[Path]:
+    """Write everything beside its place, then move it; return the paths."""
+    with TemporaryDirectory(prefix=".writing-", dir=output) as folder:
+        beside = Path(folder)
+        made = tables.write(found, beside / "tables")
+        made += [*figures.write(found, beside / "figures"), page.write(beside / "report.html", found, margins, made)]
+        names = [path.relative_to(beside) for path in made]
+        for name in names:
+            (output / name).parent.mkdir(exist_ok=True)
+            (beside / name).replace(output / name)
+    return [output / name for name in names]
