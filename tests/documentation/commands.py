@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.__main__ import VERBS
+from pipeline.verbs import VERBS
 
 ROOT = Path(__file__).parents[2]
 #: Pages whose blocks are run as they stand.
@@ -49,7 +49,7 @@ def blocks(page: Path) -> list[Block]:
 def words_of(line: str) -> list[str] | None:
     """Return the words of a line that starts the program, None of another one."""
     found = PROGRAM.search(line)
-    return shlex.split(found[1], comments=True) if found else None
+    return shlex.split(re.split(r" \| ", found[1])[0], comments=True) if found else None
 
 
 def asked_for(page: Path, verb: str) -> list[str]:

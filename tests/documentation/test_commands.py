@@ -5,12 +5,9 @@ import subprocess
 
 import pytest
 
-from pipeline import dataset, predict, sweep
-from pipeline.__main__ import OPTIONS, VERBS
-from pipeline.campaigns import WORDS
+from pipeline import dataset, sweep
 from pipeline.configuration import sort_words
-from pipeline.judging import JudgingOptions
-from pipeline.point import PointOptions
+from pipeline.verbs import VERBS
 from tests.documentation.commands import PAGES, ROOT, code, words_of
 
 EXAMPLES = ROOT / "docs" / "examples"
@@ -29,14 +26,6 @@ COMMANDS = {
 MADE = sorted({found[1] for page in PAGES for line in code(page) if (found := re.match(r"\s*(make [a-z].*)", line))})
 
 
-def options_of(verb: str) -> set[str]:
-    """Return the options that the command line's help tells of a verb."""
-    told = OPTIONS[verb]
-    if told.startswith("as "):
-        return options_of(told.removeprefix("as "))
-    return {found[0] for option in re.split(r", | or ", told) if (found := re.match(r"[a-z_]+", option))}
-
-
 def with_own_files(word: str) -> str:
     """Return a word with something that is there in the place of what the reader has."""
     key, _, value = word.partition("=")
@@ -51,8 +40,7 @@ def assert_understood(words: list[str], monkeypatch: pytest.MonkeyPatch) -> None
         monkeypatch.setattr(STUDIES[verb], "execute_words", lambda *args, **options: 0)
         assert STUDIES[verb].run(rest) == 0
     else:
-        assert verb in VERBS
-        sort_words(rest, tuple(options_of(verb)))
+        sort_words(rest, tuple(VERBS[verb].fields()))
 
 
 @pytest.mark.parametrize("words", COMMANDS.values(), ids=COMMANDS.keys())
@@ -73,13 +61,3 @@ def test_targets_of_a_page_are_there_and_run_what_is_understood(line, monkeypatc
     for made in done.stdout.replace("\\\n", " ").splitlines():
         if (words := words_of(made)) is not None:
             assert_understood(words, monkeypatch)
-
-
-def test_help_tells_every_option():
-    assert set(OPTIONS) == set(VERBS)
-    campaign = {*JudgingOptions.model_fields, *WORDS}
-    assert options_of("sweep") == set(sweep.OPTIONS)
-    assert options_of("dataset") == {*dataset.OPTIONS, "design", "vary"}
-    assert options_of("point") == {*PointOptions.model_fields, *WORDS, "base"}
-    assert options_of("compare") == options_of("diagnose") == options_of("improve") == campaign
-    assert options_of("predict") == {*predict.PredictOptions.model_fields, *WORDS}
