@@ -170,8 +170,8 @@ def test_stated_correlation_is_that_of_the_estimates(repeated):
     for mode in range(3):
         observed = np.corrcoef(estimates[:, mode], ratios[:, mode])[0, 1]
         stated = np.mean([m.correlation[3 + mode, 6 + mode] for m in repeated])
-        # A correlation from 200 pairs near -0.7 is known to (1 - 0.5)/sqrt(200) = 0.04; 3.3 of it.
-        assert observed == pytest.approx(stated, abs=0.12)
+        # A correlation from 100 pairs near -0.7 is known to (1 - 0.5)/sqrt(100) = 0.05; 3.3 of it.
+        assert observed == pytest.approx(stated, abs=0.165)
 
 
 def test_close_modes_are_told_apart_in_noise_as_well_as_they_say():
