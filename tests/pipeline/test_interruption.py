@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 from contextlib import suppress
 from pathlib import Path
 from unittest.mock import Mock
@@ -113,6 +114,16 @@ def test_a_closed_terminal_that_is_told_of_twice_asks_for_the_end_once(monkeypat
         assert stopping.number == signal.SIGHUP
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGTERM)
+
+
+def test_what_a_terminal_sends_while_workers_start_is_heard_by_the_run_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pipeline.stopping.leave_terminal", lambda: None)
+    with signals() as stopping:
+        with cluster._starting_deaf():
+            signal.raise_signal(signal.SIGHUP)
+            told = subprocess.run(["sh", "-c", "kill -INT $$; kill -HUP $$; echo deaf"], capture_output=True, text=True)
+        assert stopping.number == signal.SIGHUP
+    assert told.stdout == "deaf\n"
 
 
 @pytest.mark.parametrize(
