@@ -25,8 +25,9 @@ for (let i = 0; i <= last; i++) {
   const low = speed[i] * (1 - near), high = speed[i] * (1 + near)
   if (low < speed[0] || high > speed[last]) continue
   let least = known[i]
-  for (let j = i - 1; j >= 0 && speed[j] >= low - 1e-9 * speed[i]; j--) if (!(known[j] >= least)) least = known[j]
-  for (let j = i + 1; j <= last && speed[j] <= high + 1e-9 * speed[i]; j++) if (!(known[j] >= least)) least = known[j]
+  // Math.min of anything and NaN is NaN: near what is not known nothing is recommended.
+  for (let j = i - 1; j >= 0 && speed[j] >= low - 1e-9 * speed[i]; j--) least = Math.min(least, known[j])
+  for (let j = i + 1; j <= last && speed[j] <= high + 1e-9 * speed[i]; j++) least = Math.min(least, known[j])
   const depth = (1 - 0.01 * of_depth.value) * least
   if (rate[i] * depth > found.rate) found = {speed: speed[i], depth, rate: rate[i] * depth}
 }

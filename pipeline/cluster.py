@@ -2,7 +2,6 @@
 
 import logging
 import signal
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -99,20 +98,16 @@ class DeafToTerminals(WorkerPlugin):  # type: ignore[misc]
 
 @contextmanager
 def _starting_deaf() -> Iterator[None]:
-    """Let processes that start meanwhile ignore what a terminal sends from their first moment: they inherit it.
+    """Let processes that start meanwhile not hear what a terminal sends from their first moment: they inherit it.
 
-    A worker that Ctrl-C hits before its plugin is there would end in a traceback. For the second or
-    two that this takes the driver does not hear Ctrl-C either.
+    A worker that Ctrl-C hits before its plugin is there would end in a traceback. The driver hears afterwards what was
+    sent meanwhile: the end of a terminal is told of once.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {number: signal.signal(number, signal.SIG_IGN) for number in OF_TERMINALS}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, OF_TERMINALS)
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class Workers:

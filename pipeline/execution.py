@@ -70,8 +70,8 @@ def execute(
 ) -> int:
     """Compute what is missing in the store of a study and write its report.
 
-    Returns 0 when every cell is ok, 1 when some are marked as failed, 130 or 143 when stopped by a
-    signal. Raises InvalidInput when the place holds another study, StoreInUse when another run
+    Returns 0 when every cell is ok, 1 when some are marked as failed, 129, 130 or 143 when stopped by
+    a signal. Raises InvalidInput when the place holds another study, StoreInUse when another run
     works on it. budget: seconds after which nothing more is begun; what is missing then stays pending, which is no
     failure.
     """

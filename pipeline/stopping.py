@@ -17,6 +17,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 class Stopping:
     """Remembers that a signal asked for the end; a second one ends at once. So does time that was given, when it is up.
 
+    A terminal that is closed is told of twice, by its shell and by the kernel when that has gone: nobody asks again.
     number: of the signal, 0 without one; deadline: on the monotonic clock [s], none without one.
     """
 
@@ -32,6 +33,8 @@ class Stopping:
         """Handle a signal."""
         if number == signal.SIGHUP:
             leave_terminal()
+            if self.number:
+                return
         if self.number:
             raise KeyboardInterrupt
         self.number = number

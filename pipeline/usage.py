@@ -28,7 +28,7 @@ EXAMPLES = (
 )
 EXITS = (
     "exit codes: 0 all well, 1 some points failed and are marked, or no worker is left, 2 bad input, 3 store in use,\n"
-    "130 stopped by Ctrl-C, 143 by SIGTERM"
+    "129 stopped by the end of its terminal, 130 by Ctrl-C, 143 by SIGTERM"
 )
 
 

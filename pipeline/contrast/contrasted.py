@@ -12,11 +12,13 @@ from pipeline.contrast.pairs import SAME, Pairs, at_pairs, pair, value_in_words
 from pipeline.dataset_tables import MOST_NAMED
 from pipeline.page import cell
 
-#: What is told of a speed of a line: both limit depths, one of them or none above the depths that were looked at, or
-#: why nothing is.
-TOLD = ("both", "first is deeper", "second is deeper", "both are deeper", "between lobes", "no result")
+#: What is told of a speed of a line: both limit depths, in which study there is none as deep as it looked, or why
+#: nothing is. Of two studies that looked to different depths that says not which limit is the deeper one.
+TOLD = ("both", "none in first", "none in second", "none in either", "between lobes", "no result")
 #: What becomes of a cell.
 CHANGES = ("unknown", "stable in both", "unstable in both", "becomes unstable", "becomes stable")
+#: Columns of the shares that change.
+CHANGED = ["becomes_unstable_percent", "becomes_stable_percent"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,16 +108,25 @@ def changed_shares(found: Contrast) -> pd.DataFrame:
 
     Of sweeps they are of the cells that both have, of data sets of the depths at each speed, down to the deepest.
     """
+    changed, known = _changed(found)
+    return pd.DataFrame(100.0 * changed / np.where(known, known, np.nan)[:, None], columns=CHANGED)
+
+
+def changed_share_of_all(found: Contrast) -> pd.Series:
+    """Return the shares of ``changed_shares`` of all lines together, each as much as is known of it; NaN of nothing."""
+    changed, known = _changed(found)
+    return pd.Series(100.0 * changed.sum(axis=0) / (known.sum() or np.nan), index=CHANGED)
+
+
+def _changed(found: Contrast) -> tuple[np.ndarray, np.ndarray]:
+    """Return how much of each line becomes unstable, and stable (line, 2), and of how much that is known (line,)."""
     if found.studies[0].is_sweep:
         every = [changes(found, line)[2].ravel() for line in range(len(found.pairs.labels))]
         cells = np.array([np.bincount(codes, minlength=len(CHANGES)) for codes in every])
-        known, changed = cells[:, 1:].sum(axis=1), cells[:, 3:]
-    else:
-        lost = (found.settled[0] - found.settled[1]) / min(one.deepest for one in found.studies)
-        known = (~np.isnan(lost)).sum(axis=1)
-        changed = np.stack([np.nansum(np.maximum(sign * lost, 0.0), axis=1) for sign in (1.0, -1.0)], axis=1)
-    shares = 100.0 * changed / np.where(known, known, np.nan)[:, None]
-    return pd.DataFrame(shares, columns=["becomes_unstable_percent", "becomes_stable_percent"])
+        return cells[:, 3:], cells[:, 1:].sum(axis=1)
+    lost = (found.settled[0] - found.settled[1]) / min(one.deepest for one in found.studies)
+    changed = [np.nansum(np.maximum(sign * lost, 0.0), axis=1) for sign in (1.0, -1.0)]
+    return np.stack(changed, axis=1), (~np.isnan(lost)).sum(axis=1)
 
 
 def _name(label: Mapping[str, Any], inputs: pd.Series | None) -> str:

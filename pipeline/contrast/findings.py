@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from pipeline.contrast.contrasted import TOLD, Contrast, changed_shares
+from pipeline.contrast.contrasted import TOLD, Contrast, changed_share_of_all
 from pipeline.contrast.lines import BEST
+from pipeline.contrast.pairs import SAME
 from pipeline.contrast.tables import MOST_ROWS, settings_table
 
 #: Keys that a sentence names.
@@ -35,7 +36,7 @@ def _of_depths(found: Contrast) -> list[str]:
 
 
 def _of_cells(found: Contrast) -> list[str]:
-    shares = changed_shares(found).mean()
+    shares = changed_share_of_all(found)
     if shares.isna().any():
         return ["No cell is in both studies: which cells change is not told."]
     what = "cells" if found.studies[0].is_sweep else "speeds and depths"
@@ -69,10 +70,15 @@ def warnings(found: Contrast) -> list[str]:
     between, without = (int(counts[TOLD.index(name)]) for name in ("between lobes", "no result"))
     told = []
     if between:
-        why = "one study lacks them, and its neighbours there belong to different lobes"
+        why = "one study lacks them, and its neighbours there are not of one lobe, or none is known"
         told.append(f"At {between} of {found.told.size} speeds of all lines nothing is told: {why}.")
     if without:
         told.append(f"At {without} of {found.told.size} speeds of all lines one of the studies has no result.")
+    first, second = ((one.speed[0], one.speed[-1], one.deepest) for one in found.studies)
+    if not np.allclose(first, second, rtol=SAME, atol=0.0):
+        told.append(
+            "The cuts that remove most are of all speeds and depths that each study looked at, and these differ."
+        )
     for name, one in zip(("first", "second"), found.studies, strict=True):
         if one.step > 1:
             told.append(f"Of the {name} study one speed of {one.step} was read: it is too large for a page.")

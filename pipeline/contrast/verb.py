@@ -22,9 +22,13 @@ STUDIES = ("first", "second")
 def run(words: list[str]) -> int:
     """Hold two studies against each other; return the exit code."""
     found = sort_words(words, ContrastOptions.fields())
-    if problems := foreign_words(found, ContrastOptions):
+    problems = foreign_words(found, ContrastOptions)
+    try:
+        options = ContrastOptions.read(found.options)
+    except InvalidInput as error:
+        raise InvalidInput([*problems, *error.problems]) from None
+    if problems:
         raise InvalidInput(problems)
-    options = ContrastOptions.read(found.options)
     margins = Margins.model_validate(options.margins)
     places = [_study(name, getattr(options, name)) for name in STUDIES]
     output = options.output or Path("results") / f"contrast-{'-'.join(map(_short, places))}"

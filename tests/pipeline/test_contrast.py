@@ -10,8 +10,9 @@ import xarray as xr
 from chatter_core.errors import InvalidInput
 from pipeline import dataset, store
 from pipeline.__main__ import main
-from pipeline.contrast.contrasted import TOLD, changes, contrast
-from pipeline.contrast.lines import Lines, read
+from pipeline.contrast.contrasted import TOLD, changed_shares, changes, contrast
+from pipeline.contrast.findings import findings, warnings
+from pipeline.contrast.lines import BEST, Lines, read
 from pipeline.kinds import Dataset
 from pipeline.places import DATASET as STORE
 from pipeline.places import Folder
@@ -115,8 +116,34 @@ def test_boundaries_above_the_grid_are_told_and_have_no_ratio():
     first = ramp([1.0, np.nan, np.nan, 1.0], [1e4, 2e4, 3e4, 4e4])
     second = ramp([2.0, 2.0, np.nan, np.nan], [1e4, 2e4, 3e4, 4e4])
     both = contrast(first, second)
-    assert [TOLD[code] for code in both.told[0]] == ["both", "first is deeper", "both are deeper", "second is deeper"]
+    assert [TOLD[code] for code in both.told[0]] == ["both", "none in first", "none in either", "none in second"]
     assert both.ratio[0] == pytest.approx([2.0, np.nan, np.nan, np.nan], nan_ok=True)
+
+
+def test_a_study_that_looked_less_deep_is_not_said_to_have_the_deeper_limit():
+    """Above 4 mm the first knows nothing: its limit may be 5 mm as well as 20 mm."""
+    deeper = {"deepest": 8.0, "depth": np.array([1.0, 2.0, 4.0, 8.0])}
+    limit, speed = np.array([7.0, 7.0]), [1e4, 2e4]
+    second = ramp(limit, speed, **deeper, radius=(deeper["depth"][None, :] / limit[:, None])[None])
+    both = contrast(ramp([np.nan, 2.0], speed), second)
+    assert [TOLD[code] for code in both.told[0]] == ["none in first", "both"]
+    # Down to 4 mm, which both looked at: nothing changes at the first speed, a half of it at the second.
+    assert both.settled[:, 0].tolist() == [[4.0, 2.0], [4.0, 4.0]]
+    assert any("that each study looked at" in told for told in warnings(both))
+
+
+def test_cells_that_change_are_counted_over_all_lines_as_far_as_they_are_known():
+    labels = pd.DataFrame({"modal_parameters": "dynamic", "preload": [100.0, 200.0], "mode_count": 2})
+    ones = {name: np.ones((2, 1), dtype=int) for name in ("frequency", "mode", "loss")}
+    ones |= {"labels": labels, "best": pd.DataFrame({name: [1.0, 1.0] for name in BEST})}
+    ones["known"] = np.ones((2, 1), dtype=bool)
+    # Of the first line three cells are known, of which one changes; of the second one, which does.
+    radius = np.array([[[0.5, 2.0, 3.0]], [[0.5, np.nan, np.nan]]])
+    radii = (radius, radius + 0.6)
+    first, second = (dataclasses.replace(ramp([1.0], [1e4], **ones, radius=one), limit=ones["mode"]) for one in radii)
+    both = contrast(first, second)
+    assert changed_shares(both)["becomes_unstable_percent"].tolist() == pytest.approx([100.0 / 3.0, 100.0])
+    assert "Of all cells that both have 50 % are stable in the first alone" in " ".join(findings(both))
 
 
 def test_single_values_that_differ_are_what_is_held_against_each_other():

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 from contextlib import suppress
 from pathlib import Path
 from unittest.mock import Mock
@@ -15,6 +16,7 @@ from pipeline import cluster, store
 from pipeline.chunks import Chunk
 from pipeline.cluster import Workers
 from pipeline.errors import WorkersLost
+from pipeline.stopping import signals
 from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED, GATE
 from tests.pipeline.studies import CHUNKS, PATIENCE, ended, journal, lobes, sweep, sweep_process, wait_until
 
@@ -101,6 +103,27 @@ def test_a_closed_terminal_ends_a_run_as_a_signal_does(tmp_path: Path, reference
     assert sweep(output) == 0
     assert len(journal(output, "chunk")) == CHUNKS
     xr.testing.assert_identical(lobes(output).drop_attrs(), reference.drop_attrs())
+
+
+def test_a_closed_terminal_that_is_told_of_twice_asks_for_the_end_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interactive shell passes the signal on to what it runs, and the kernel sends it again when the shell ends."""
+    monkeypatch.setattr("pipeline.stopping.leave_terminal", lambda: None)
+    with signals() as stopping:
+        signal.raise_signal(signal.SIGHUP)
+        signal.raise_signal(signal.SIGHUP)
+        assert stopping.number == signal.SIGHUP
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+
+
+def test_what_a_terminal_sends_while_workers_start_is_heard_by_the_run_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pipeline.stopping.leave_terminal", lambda: None)
+    with signals() as stopping:
+        with cluster._starting_deaf():
+            signal.raise_signal(signal.SIGHUP)
+            told = subprocess.run(["sh", "-c", "kill -INT $$; kill -HUP $$; echo deaf"], capture_output=True, text=True)
+        assert stopping.number == signal.SIGHUP
+    assert told.stdout == "deaf\n"
 
 
 @pytest.mark.parametrize(

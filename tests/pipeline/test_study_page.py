@@ -86,6 +86,22 @@ def test_sliders_show_the_best_cut_that_python_finds(study):
             assert found == pytest.approx(expected, rel=1e-12)
 
 
+def test_sliders_recommend_nothing_near_speeds_without_a_result(study):
+    """What is known beyond a speed without a result does not stand for it."""
+    # At 8000 to 13000 rpm. Within 10.5 % of 11000 rpm lies 10000 rpm, of 9000 rpm no other.
+    known = [3.0, 3.0, None, 1.0, 5.0, 3.0]
+    script = """(known) => {
+        const models = Bokeh.documents.flatMap((own) => [...own._all_models.values()])
+        const line = models.find((one) => one.type === "ColumnDataSource" && "rate_of_a_mm" in one.data)
+        line.data = {...line.data, known: known.map((one) => one ?? NaN)}
+    }"""
+    with opened(study / "report.html") as page:
+        choose_margins(page, 10.0, 10.5)
+        page.evaluate(script, known)
+        found = [plotted(page, "Stability lobes", name, beside="depth")[0] for name in ("speed", "depth")]
+    assert found == pytest.approx([9000.0, 2.7], rel=1e-12)
+
+
 def test_a_pointer_is_told_speed_depth_and_what_chatters(study):
     with opened(study / "report.html") as page:
         plot = page.locator(".bk-Figure").first
