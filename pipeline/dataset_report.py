@@ -19,7 +19,7 @@ from pipeline.sensitivity import KEY, sensitivity
 from pipeline.settings import Margins, margins_of
 
 #: What a report is made of.
-READ = ("input", "split", "limit_depth", "limit_chatter_frequency", "limit_dominant_mode", "status")
+READ = ("input", "split", "limit_depth", "limit_chatter_frequency", "limit_dominant_mode", "limits_complete", "status")
 #: Rows of a table on the page; the CSV files hold all.
 PAGE_ROWS = 24
 CAPTIONS = {

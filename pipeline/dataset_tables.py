@@ -44,11 +44,12 @@ def numbered(words: Sequence[str]) -> str:
 def limit_or_deepest(data: xr.Dataset) -> np.ndarray:
     """Return limit depths (machine, cut, speed) [mm], the deepest depth where no boundary lies above it.
 
-    NaN where there is no result.
+    NaN where there is no result, and where no boundary was found but one may have been missed.
     """
     deepest = data.attrs["settings"]["design"]["deepest_mm"]
     limit = data["limit_depth"].values.astype(float)
-    known = data["status"].values == STATUS["ok"]
+    searched = np.isfinite(limit) | (data["limits_complete"].values == 1)
+    known = (data["status"].values == STATUS["ok"]) & searched
     return np.where(known, np.where(np.isnan(limit), deepest, limit), np.nan)
 
 

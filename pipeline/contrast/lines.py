@@ -35,8 +35,9 @@ class Lines:
     place: as people name it; attributes: of its store; labels: (line,) parameters, preload and modes, or machine and
     cut; inputs: (line,) what varies in a data set; speed: (speed,); deepest: down to which limits were looked for;
     limit, frequency, mode, loss: (line, speed) at the first limit depth, NaN or 0 where none is; known: (line, speed)
-    whether there is a result; best: (line,) the cut that removes most; radius: (line, speed, depth) at depth (depth,),
-    of sweeps alone, NaN without a result; step: that every so manieth speed was read.
+    whether there is a result, and a boundary or none for sure; best: (line,) the cut that removes most; radius:
+    (line, speed, depth) at depth (depth,), of sweeps alone, NaN without a result; step: that every so manieth speed
+    was read.
     """
 
     place: str
@@ -68,7 +69,7 @@ def read(place: Place, margins: dict[str, float]) -> Lines:
     """
     group = store.check(place)
     step = report.shown_step(store.chunks(group)) if place.root == LOBES else 1
-    names = [*AT_LIMIT.values(), "status", "spectral_radius" if place.root == LOBES else "input"]
+    names = [*AT_LIMIT.values(), "limits_complete", "status", "spectral_radius" if place.root == LOBES else "input"]
     names += [] if place.root == LOBES else ["split"]
     with store.readable(place) as opened:
         data = opened[names]
@@ -101,7 +102,7 @@ def _of_sweep(place: str, lobes: xr.Dataset, step: int) -> Lines:
         labels=axes.to_frame(index=False),
         speed=speeds,
         deepest=float(depth[-1]),
-        known=np.asarray(known.all(axis=-1)),
+        known=known.all(axis=-1) & _searched(lobes.isel(crossing=0), len(speeds)),
         best=pd.DataFrame(
             {
                 name: cuts[column].values
@@ -124,7 +125,7 @@ def _of_dataset(place: str, data: xr.Dataset) -> Lines:
         inputs=inputs_table(data),
         speed=speeds,
         deepest=float(data.attrs["settings"]["design"]["deepest_mm"]),
-        known=np.isin(data["status"].values, WITH_RESULT).reshape(-1, len(speeds)),
+        known=np.isin(data["status"].values, WITH_RESULT).reshape(-1, len(speeds)) & _searched(data, len(speeds)),
         best=pd.DataFrame(
             {
                 name: samples[column].values
@@ -133,6 +134,12 @@ def _of_dataset(place: str, data: xr.Dataset) -> Lines:
         ),
         **_at_limit(data, len(speeds)),
     )
+
+
+def _searched(data: xr.Dataset, speeds: int) -> np.ndarray:
+    """Return whether no boundary within the grid has been missed where none was found (line, speed)."""
+    searched: np.ndarray = (data["limit_depth"].notnull() | (data["limits_complete"] == 1)).values
+    return searched.reshape(-1, speeds)
 
 
 def _at_limit(data: xr.Dataset, speeds: int) -> dict[str, Any]:

@@ -20,15 +20,18 @@ SETTINGS = {
 }
 
 
-def study(limit_mm, *, hollow=()):
-    """Return a study of one line of lobes, with cells that have no result at some speeds."""
+def study(limit_mm, *, hollow=(), doubtful=()):
+    """Return a study of one line of lobes, with cells that have no result at some speeds, and doubtful limits."""
     outer = {"modal_parameters": ["dynamic"], "preload": [100.0], "mode_count": [4]}
     radius = np.ones((1, 1, 1, len(SPEED), 3))
     radius[..., list(hollow), 1] = np.nan
+    complete = np.ones((1, 1, 1, len(SPEED)), dtype=np.int8)
+    complete[..., list(doubtful)] = 0
     line, cell = (*outer, "spindle_speed", "crossing"), (*outer, "spindle_speed", "axial_depth")
     return xr.Dataset(
         {
             "limit_depth": (line, np.asarray(limit_mm, dtype=float).reshape(1, 1, 1, -1, 1)),
+            "limits_complete": (line[:-1], complete),
             "spectral_radius": (cell, radius),
         },
         coords={**outer, "spindle_speed": SPEED, "axial_depth": [1.0, 2.0, 3.0]},
@@ -56,6 +59,18 @@ def test_without_margins_the_best_cut_lies_on_the_boundary_where_depth_times_spe
     assert found["spindle_speed"][0] == 9000.0
     assert len(found) == 1
     assert not found["limit_above_grid"][0]
+
+
+def test_a_speed_without_a_limit_is_recommended_only_where_none_can_have_been_missed():
+    without = (SPEED >= 12000.0) & (SPEED <= 13000.0)
+    limit = np.where(without, np.nan, 1.0)
+    sure = best_cuts(study(limit)).iloc[0]
+    assert 12000.0 < sure["spindle_speed"] < 13000.0
+    assert sure["axial_depth"] == pytest.approx(0.9 * 3.0, rel=1e-12)
+    # A cut that chatters from the shallowest depth on has no limit either.
+    doubted = best_cuts(study(limit, doubtful=np.flatnonzero(without))).iloc[0]
+    assert doubted["spindle_speed"] * 0.98 > 13000.0
+    assert doubted["axial_depth"] == pytest.approx(0.9, rel=1e-12)
 
 
 def test_margins_keep_free_of_the_boundary_at_all_speeds_nearby():
