@@ -33,7 +33,7 @@ def main(words: list[str] | None = None) -> int:
     """Run the command line and return the exit code."""
     words = sys.argv[1:] if words is None else words
     if HELP & set(words):
-        words = ["help", *(word for word in words if word not in HELP | {"help"})]
+        words = ["help", *(word for word in words if word not in {"help", *HELP, *VERSION})]
     verb, rest = (words[0], words[1:]) if words else ("", [])
     with told(rest if verb in VERBS else []) as telling:
         return _guarded(lambda: finish(telling, verb, _carry_out(verb, rest)))
@@ -65,15 +65,18 @@ def _guarded(work: Callable[[], int]) -> int:
     except ChatterError as error:
         complain(str(error))
         return 1
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         note("stopped at once; a store goes on where it was")
-        return 128 + signal.SIGINT
+        # What chunks are computed under says which signal it was; Python's own is of Ctrl-C.
+        number: int = next(iter(stop.args), signal.SIGINT)
+        return 128 + number
     except Terminated as end:
         note("terminated; a store goes on where it was")
         return 128 + end.number
     except BrokenPipeError:
         # Whoever read our output has gone: nothing is left to tell.
-        sys.stderr.close()
+        if sys.stderr is not None:
+            sys.stderr.close()
         return 1
     except OSError as error:
         # What a run had computed is told where it is written; this is a path that cannot be used.

@@ -17,6 +17,8 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 class Stopping:
     """Remembers that a signal asked for the end; a second one ends at once. So does time that was given, when it is up.
 
+    A second one raises KeyboardInterrupt with its number.
+
     number: of the signal, 0 without one; deadline: on the monotonic clock [s], none without one.
     """
 
@@ -33,7 +35,7 @@ class Stopping:
         if number == signal.SIGHUP:
             leave_terminal()
         if self.number:
-            raise KeyboardInterrupt
+            raise KeyboardInterrupt(number)
         self.number = number
         note("\nstopping: waiting for the chunks in progress (once more to stop at once)")
 
