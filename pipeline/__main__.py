@@ -44,6 +44,9 @@ def _carry_out(verb: str, rest: list[str]) -> int:
     if not verb or verb in ANSWERS:
         say(ANSWERS[verb or "help"](rest))
         return 0 if verb else 2
+    if unreadable := [word for word in rest if word != word.encode(errors="replace").decode()]:
+        # A page, a journal and a store could not repeat them.
+        raise InvalidInput([f"{word}: holds bytes that are no UTF-8 text" for word in unreadable])
     with _role(rest) as drives, _terminated_in_order():
         if drives:
             return _run_of(verb)(rest)

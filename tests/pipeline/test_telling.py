@@ -172,11 +172,17 @@ def test_what_cannot_be_told_aside_ends_no_run_and_what_cannot_be_answered_does(
 def test_letters_that_a_stream_does_not_have_are_told_by_their_numbers(tmp_path, monkeypatch):
     ascii_alone = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
     monkeypatch.setattr(sys, "stdout", ascii_alone)
-    assert main(["template", f"output={tmp_path}/Fräsen \udcff"]) == 0
-    assert rb"Fr\xe4sen \udcff/machine.yaml" in ascii_alone.buffer.getvalue()
+    assert main(["template", f"output={tmp_path}/Fräsen ☃"]) == 0
+    assert rb"Fr\xe4sen \u2603/machine.yaml" in ascii_alone.buffer.getvalue()
 
 
 def test_endless_words_are_cut_short(capsys):
     for words in (["a" * 10**5], ["sweep", "b" * 10**5], ["sweep", "study=" + "c" * 10**5]):
         assert main(words) == 2
         assert len(capsys.readouterr().err) < 1000
+
+
+@pytest.mark.parametrize("word", ["output=\udcff", "output=\udcc3.zarr", "\udcff=3"])
+def test_words_that_are_no_text_are_refused(word, capsys):
+    assert main(["sweep", "study=smoke", word]) == 2
+    assert "holds bytes that are no UTF-8 text" in capsys.readouterr().err
