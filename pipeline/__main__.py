@@ -32,7 +32,7 @@ ANSWERS: dict[str, Callable[[list[str]], str]] = {
 def main(words: list[str] | None = None) -> int:
     """Run the command line and return the exit code."""
     words = sys.argv[1:] if words is None else words
-    if HELP & set(words):
+    if words[:1] == ["help"] or HELP & set(words):
         words = ["help", *(word for word in words if word not in {"help", *HELP, *VERSION})]
     verb, rest = (words[0], words[1:]) if words else ("", [])
     with told(rest if verb in VERBS else []) as telling:

@@ -236,7 +236,7 @@ def test_one_at_a_time_and_indices_are_those_of_a_function_that_is_known(quick, 
         (("study=dataset_small", "design.machine.constraints=[tool.teeth > 9]"), "too few to go on"),
         (
             ("study=parameter_study", "vary.effects.thermal_preload.rise=[1]"),
-            "is not on; say effects=[thermal_preload]",
+            "not on; say effects=[thermal_preload]",
         ),
     ],
 )

@@ -83,7 +83,7 @@ def test_help_and_completion_load_nothing_that_computes(words):
     assert not heavy & set(json.loads(ended.stderr))
 
 
-@pytest.mark.parametrize("words", [["help", "help"], ["--help", "--version"], ["completion", "-h"]])
+@pytest.mark.parametrize("words", [["help", "help"], ["help", "-V"], ["--help", "--version"], ["completion", "-h"]])
 def test_help_on_what_is_no_verb_is_that_of_the_program(words, capsys):
     assert main(words) == 0
     assert capsys.readouterr().out.startswith(HEAD)
