@@ -32,8 +32,8 @@ ANSWERS: dict[str, Callable[[list[str]], str]] = {
 def main(words: list[str] | None = None) -> int:
     """Run the command line and return the exit code."""
     words = sys.argv[1:] if words is None else words
-    if HELP & set(words):
-        words = ["help", *(word for word in words if word not in HELP | {"help"})]
+    if words[:1] == ["help"] or HELP & set(words):
+        words = ["help", *(word for word in words if word not in {"help", *HELP, *VERSION})]
     verb, rest = (words[0], words[1:]) if words else ("", [])
     with told(rest if verb in VERBS else []) as telling:
         return _guarded(lambda: finish(telling, verb, _carry_out(verb, rest)))
@@ -44,6 +44,9 @@ def _carry_out(verb: str, rest: list[str]) -> int:
     if not verb or verb in ANSWERS:
         say(ANSWERS[verb or "help"](rest))
         return 0 if verb else 2
+    if unreadable := [word for word in rest if word != word.encode(errors="replace").decode()]:
+        # A page, a journal and a store could not repeat them.
+        raise InvalidInput([f"{word}: holds bytes that are no UTF-8 text" for word in unreadable])
     with _role(rest) as drives, _terminated_in_order():
         if drives:
             return _run_of(verb)(rest)
@@ -65,15 +68,18 @@ def _guarded(work: Callable[[], int]) -> int:
     except ChatterError as error:
         complain(str(error))
         return 1
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         note("stopped at once; a store goes on where it was")
-        return 128 + signal.SIGINT
+        # What chunks are computed under says which signal it was; Python's own is of Ctrl-C.
+        number: int = next(iter(stop.args), signal.SIGINT)
+        return 128 + number
     except Terminated as end:
         note("terminated; a store goes on where it was")
         return 128 + end.number
     except BrokenPipeError:
         # Whoever read our output has gone: nothing is left to tell.
-        sys.stderr.close()
+        if sys.stderr is not None:
+            sys.stderr.close()
         return 1
     except OSError as error:
         # What a run had computed is told where it is written; this is a path that cannot be used.

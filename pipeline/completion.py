@@ -7,6 +7,7 @@ there: the word, a tab, what it means. Nothing that computes is imported, and no
 import shlex
 from collections.abc import Iterator
 from importlib.resources import files
+from os.path import isdir
 from pathlib import Path
 
 from chatter_core.errors import InvalidInput
@@ -125,4 +126,5 @@ def _paths(begun: str) -> Iterator[str]:
         return
     for entry in entries:
         if entry.name.startswith(name) and (name.startswith(".") or not entry.name.startswith(".")):
-            yield f"{folder}{slash}{entry.name}{'/' * entry.is_dir()}"
+            # Unlike Path.is_dir it says no where we may not look.
+            yield f"{folder}{slash}{entry.name}{'/' * isdir(entry)}"

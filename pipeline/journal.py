@@ -105,7 +105,7 @@ def _event(line: str) -> Event | None:
 
 def _places(place: Place) -> Callable[[Event], str]:
     """Return what tells which chunk an event is of."""
-    kind, group = kind_of(place), store.open_group(place)
+    kind, group = kind_of(place), store.check(place)
     values = {name: store.whole(group, name).tolist() for name in kind.told_by}
 
     def told(event: Event) -> str:

@@ -17,7 +17,9 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 class Stopping:
     """Remembers that a signal asked for the end; a second one ends at once. So does time that was given, when it is up.
 
-    A terminal that is closed is told of twice, by its shell and by the kernel when that has gone: nobody asks again.
+    A second one raises KeyboardInterrupt with its number. A terminal that is closed is told of twice, by its shell and
+    by the kernel when that has gone: nobody asks again.
+
     number: of the signal, 0 without one; deadline: on the monotonic clock [s], none without one.
     """
 
@@ -36,7 +38,7 @@ class Stopping:
             if self.number:
                 return
         if self.number:
-            raise KeyboardInterrupt
+            raise KeyboardInterrupt(number)
         self.number = number
         note("\nstopping: waiting for the chunks in progress (once more to stop at once)")
 

@@ -6,15 +6,20 @@ second; with ``format=json`` the first holds the object alone; with ``quiet=true
 
 import json
 import math
+import re
 import shlex
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from chatter_core.reading import printable
+
+#: Letters of a word that an error repeats; paths of files are shorter, mostly.
+LONGEST_WORD = 300
+_ENDLESS = re.compile(rf"\S{{{LONGEST_WORD + 1},}}")
 
 
 @dataclass(kw_only=True)
@@ -49,14 +54,39 @@ def told(words: Iterable[str]) -> Iterator[Telling]:
 
 def say(text: str) -> None:
     """Tell people an answer."""
-    if not _now.quiet:
-        print(text, file=sys.stderr if _now.as_json else sys.stdout, flush=True)
+    if _now.as_json:
+        note(text)
+    elif not _now.quiet:
+        _answer(text)
 
 
 def note(text: str) -> None:
     """Tell people how far something is, or what is done meanwhile."""
     if not _now.quiet:
-        print(text, file=sys.stderr, flush=True)
+        _aside(text)
+
+
+def _answer(text: str) -> None:
+    """Write to standard output; raise OSError where that cannot be written, BrokenPipeError where nobody reads it."""
+    try:
+        _put(text, sys.stdout)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, "standard output") from None
+
+
+def _aside(text: str) -> None:
+    """Write to standard error; where nobody can hear it, that is no reason for a run to end."""
+    with suppress(OSError):
+        _put(text, sys.stderr)
+
+
+def _put(text: str, stream: TextIO | None) -> None:
+    """Write text, letters that the stream does not have by their numbers; a stream that was closed is none."""
+    if stream is not None:
+        encoding = getattr(stream, "encoding", None) or "utf-8"
+        print(text.encode(encoding, "backslashreplace").decode(encoding), file=stream, flush=True)
 
 
 def remark(text: str) -> None:
@@ -66,9 +96,10 @@ def remark(text: str) -> None:
 
 
 def complain(text: str) -> None:
-    """Tell an error; control characters, as a file's name may hold, do nothing to a terminal."""
-    _now.errors.append(text)
-    print(f"error: {printable(text)}", file=sys.stderr, flush=True)
+    """Tell an error; endless words are cut short, and control characters in a file's name do nothing to a terminal."""
+    told = _ENDLESS.sub(lambda word: f"{word[0][:LONGEST_WORD]}...", text)
+    _now.errors.append(told)
+    _aside(f"error: {printable(told)}")
 
 
 def wrote(paths: Iterable[Path]) -> None:
@@ -85,7 +116,7 @@ def fact(**facts: Any) -> None:
 
 def bars() -> bool:
     """Return whether a bar may show how far something is: on a terminal that can go back in a line, to people."""
-    return sys.stderr.isatty() and not _now.quiet
+    return sys.stderr is not None and sys.stderr.isatty() and not _now.quiet
 
 
 def leave_telling() -> None:
@@ -97,7 +128,7 @@ def finish(telling: Telling, verb: str, code: int) -> int:
     """Write the JSON object where one was asked for; return the exit code."""
     if telling.as_json:
         ends = {"written": telling.written, "remarks": telling.remarks, "errors": telling.errors, "exit_code": code}
-        print(json.dumps(plain({"verb": verb, **telling.facts, **ends}), indent=2, allow_nan=False), flush=True)
+        _answer(json.dumps(plain({"verb": verb, **telling.facts, **ends}), indent=2, allow_nan=False))
     return code
 
 

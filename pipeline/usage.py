@@ -10,6 +10,7 @@ from pydantic.fields import FieldInfo
 from chatter_core.errors import InvalidInput
 from chatter_core.reading import nearest
 from pipeline import shipped
+from pipeline.completion import ANSWERS
 from pipeline.telling import command, program
 from pipeline.verbs import VERBS
 from pipeline.verbs.options import Options
@@ -48,7 +49,7 @@ def help_on(words: list[str]) -> str:
         return _general()
     if words[0] in VERBS:
         return _on_verb(words[0], VERBS[words[0]])
-    if words[0] in ("completion", "version"):
+    if words[0] in ANSWERS:
         return _general()
     raise InvalidInput([f"{words[0]}: {no_verb(words[0], list(VERBS))}"])
 

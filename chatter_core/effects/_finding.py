@@ -118,7 +118,7 @@ def _load(name: str, folder: Path) -> ModuleType:
     sys.modules[spec.name] = module
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         del sys.modules[spec.name]
         raise InvalidInput([f"effects_path: {file} cannot be loaded: {type(error).__name__}: {error}"]) from error
     return module

@@ -1,10 +1,11 @@
 """Settings of a data set: a machine, and a design of what varies around it."""
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from pipeline.design.settings import Design
+from pipeline.keys import parts_of
 from pipeline.settings import Study
 
 
@@ -14,6 +15,14 @@ class DatasetSettings(Study):
     design: Design = Field(description="what varies, and how it is chosen")
 
     own_science: ClassVar[tuple[str, ...]] = ("design",)
+
+    @model_validator(mode="after")
+    def _effects_that_vary_are_on(self) -> Self:
+        for key in (*self.design.machine.vary, *self.design.machine.formulas):
+            group, *rest = parts_of(key)
+            if group == "effects" and rest[0] not in self.effects:
+                raise ValueError(f"{key}: the effect is not on; say effects=[{rest[0]}]")
+        return self
 
     @property
     def base(self) -> dict[str, Any]:

@@ -21,6 +21,7 @@ def bucket_and_prefix(address: str) -> tuple[str, str]:
         secret = "@" in address.partition("://")[2].partition("/")[0]
         shown = "an address with credentials" if secret else repr(address[:200])
         allowed = "s3://BUCKET/PREFIX; a folder of this machine is named by output=DIR"
+        allowed += "; buckets have 3 to 63 small letters, digits, dots and dashes"
         raise InvalidInput([f"store: found {shown}, allowed: {allowed}"])
     return found[1], found[2]
 

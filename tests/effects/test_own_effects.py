@@ -119,6 +119,7 @@ EXAMPLE_TEXT = (EXAMPLE / "loosening_clamp.py").read_text()
     [
         ("import nothing_of_this_name", r"mine.py cannot be loaded: ModuleNotFoundError: No module named 'nothing_"),
         ("1 / 0", r"mine.py cannot be loaded: ZeroDivisionError: division by zero"),
+        ("raise SystemExit(7)", r"mine.py cannot be loaded: SystemExit: 7"),
         ("def (", r"mine.py cannot be loaded: SyntaxError: "),
         ("", r"effects: mine.py holds 0 effects, allowed: exactly one"),
         (

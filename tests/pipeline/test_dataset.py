@@ -234,6 +234,10 @@ def test_one_at_a_time_and_indices_are_those_of_a_function_that_is_known(quick, 
         (("study=dataset_small", "design.machines=0"), "design.machines: found 0, allowed: at least 1"),
         (("study=dataset_small", "design.sampling=halton"), "design.sampling: found 'halton'"),
         (("study=dataset_small", "design.machine.constraints=[tool.teeth > 9]"), "too few to go on"),
+        (
+            ("study=parameter_study", "vary.effects.thermal_preload.rise=[1]"),
+            "not on; say effects=[thermal_preload]",
+        ),
     ],
 )
 def test_what_is_wrong_is_told_in_a_sentence(tmp_path, words, told):

@@ -12,6 +12,7 @@ import pytest
 from pipeline import shipped
 from pipeline.__main__ import main
 from pipeline.configuration import sort_words
+from pipeline.usage import HEAD
 from pipeline.verbs import VERBS
 
 ROOT = Path(__file__).parents[2]
@@ -80,3 +81,9 @@ def test_help_and_completion_load_nothing_that_computes(words):
     ended = subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=True, capture_output=True, text=True)
     heavy = {"numpy", "scipy", "numba", "hydra", "dask", "zarr", "xarray", "pandas", "matplotlib"}
     assert not heavy & set(json.loads(ended.stderr))
+
+
+@pytest.mark.parametrize("words", [["help", "help"], ["help", "-V"], ["--help", "--version"], ["completion", "-h"]])
+def test_help_on_what_is_no_verb_is_that_of_the_program(words, capsys):
+    assert main(words) == 0
+    assert capsys.readouterr().out.startswith(HEAD)

@@ -13,6 +13,7 @@ import xarray as xr
 
 from chatter_core.variables import STATUS
 from pipeline import cluster, store
+from pipeline.__main__ import main
 from pipeline.chunks import Chunk
 from pipeline.cluster import Workers
 from pipeline.errors import WorkersLost
@@ -179,3 +180,15 @@ def test_workers_are_counted_as_they_come_and_none_is_not_waited_for_without_end
         workers.look()
     # What was handed out to those that are gone stays theirs until they are given up.
     assert workers.count == 5
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_second_signal_ends_a_run_at_once_with_its_own_code(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    def twice(words: list[str]) -> int:
+        with signals() as stopping:
+            stopping(number, None)
+            stopping(number, None)
+        return 0
+
+    monkeypatch.setattr("pipeline.template.run", twice)
+    assert main(["template"]) == 128 + number

@@ -50,8 +50,15 @@ def test_a_study_with_failures_tells_its_runs_from_the_first_to_the_last(tmp_pat
     assert told[0].startswith(start["time"][:10])
 
 
-def test_a_study_without_a_journal_is_told(tmp_path, capsys):
+def test_a_damaged_study_or_one_without_a_journal_is_told(tmp_path, capsys):
     assert sweep(tmp_path / "study") == 0
+    root = tmp_path / "study" / "lobes.zarr" / "zarr.json"
+    whole = root.read_bytes()
+    root.write_bytes(whole[:100])
+    capsys.readouterr()
+    assert main(["journal", f"output={tmp_path / 'study'}"]) == 2
+    assert "zarr.json does not bear its checksum; restored by: " in capsys.readouterr().err
+    root.write_bytes(whole)
     (tmp_path / "study" / FILE).unlink()
     assert main(["journal", f"output={tmp_path / 'study'}"]) == 2
     assert "there is no journal" in capsys.readouterr().err

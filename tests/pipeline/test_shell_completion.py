@@ -91,7 +91,7 @@ def test_bash_completes(tmp_path):
         '[[ $(complete -p chatter) == *"-F _chatter chatter" ]] || echo unbound\n'
         'ask() { COMP_LINE=$1 COMP_POINT=${#1}; _chatter; printf "<%s>" "${COMPREPLY[@]}"; echo; }\n'
         'ask "chatter sweep study=o"\nask "chatter sweep grid.spindle_speed_rpm.c"\n'
-        'ask "chatter compare campaign=docs/ex"\n'
+        'ask "chatter compare campaign=docs/exam"\n'
     )
     assert in_shell("bash", asked, tmp_path).splitlines() == [
         "<overnight >",
@@ -119,3 +119,17 @@ def test_another_shell_is_told_which_there_are(capsys):
     assert capsys.readouterr().err == "error: completion: found 'tcsh'; did you mean zsh?\n"
     assert main(["completion"]) == 2
     assert "allowed: bash, zsh, fish" in capsys.readouterr().err
+
+
+def test_a_folder_that_may_not_be_looked_into_is_proposed_as_a_file(tmp_path, monkeypatch):
+    (tmp_path / "locked").mkdir()
+
+    stat = os.stat
+
+    def refused(path, **how):
+        if str(path).startswith(str(tmp_path)):
+            raise PermissionError(13, "Permission denied", str(path))
+        return stat(path, **how)
+
+    monkeypatch.setattr(os, "stat", refused)
+    assert proposals(f"chatter sweep machine={tmp_path}/lo") == [(f"machine={tmp_path}/locked", "")]

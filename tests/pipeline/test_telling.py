@@ -1,5 +1,6 @@
 """What a run tells, and where: people, scripts and logs each get what they can use."""
 
+import io
 import json
 import os
 import pty
@@ -142,3 +143,46 @@ def test_a_bar_and_colours_are_for_terminals_that_want_them(capsys):
     plain = seen_on_a_terminal(TERM="dumb")
     assert plain.startswith("3 of 3 cells (100 %), ")
     assert "\x1b" not in plain
+
+
+def test_a_closed_standard_error_takes_nothing_to_standard_output(study, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "stderr", None)
+    assert main(["status", f"output={study}", "format=json"]) == 0
+    assert json.loads(capsys.readouterr().out)["state"] == "complete"
+    assert main(["status", f"output={study / 'nowhere'}"]) == 2
+    assert capsys.readouterr().out == ""
+
+
+def test_what_cannot_be_told_aside_ends_no_run_and_what_cannot_be_answered_does(tmp_path, monkeypatch, capsys):
+    full = Path("/dev/full")
+    if not full.exists():
+        pytest.skip("this system has no device that is always full")
+    # Without a buffer, which could not be closed.
+    with io.TextIOWrapper(full.open("wb", buffering=0), write_through=True) as nowhere:
+        monkeypatch.setattr(sys, "stderr", nowhere)
+        assert main(["template", f"output={tmp_path / 'new'}", "format=json"]) == 0
+        assert main(["template", "output=", "format=json"]) == 2
+        monkeypatch.undo()
+        capsys.readouterr()
+        monkeypatch.setattr(sys, "stdout", nowhere)
+        assert main(["help"]) == 2
+        assert capsys.readouterr().err == "error: standard output: No space left on device\n"
+
+
+def test_letters_that_a_stream_does_not_have_are_told_by_their_numbers(tmp_path, monkeypatch):
+    ascii_alone = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", ascii_alone)
+    assert main(["template", f"output={tmp_path}/Fräsen ☃"]) == 0
+    assert rb"Fr\xe4sen \u2603/machine.yaml" in ascii_alone.buffer.getvalue()
+
+
+def test_endless_words_are_cut_short(capsys):
+    for words in (["a" * 10**5], ["sweep", "b" * 10**5], ["sweep", "study=" + "c" * 10**5]):
+        assert main(words) == 2
+        assert len(capsys.readouterr().err) < 1000
+
+
+@pytest.mark.parametrize("word", ["output=\udcff", "output=\udcc3.zarr", "\udcff=3"])
+def test_words_that_are_no_text_are_refused(word, capsys):
+    assert main(["sweep", "study=smoke", word]) == 2
+    assert "holds bytes that are no UTF-8 text" in capsys.readouterr().err
