@@ -44,11 +44,12 @@ identify: $(VENV)/.installed ## tip modes from measured receptances, by ARGS="ca
 paper: $(VENV)/.installed ## the paper's findings: figures P1 to P9, and a table of what holds here
 	$(BIN)/python -m pipeline paper $(ARGS)
 
-tutorial: $(VENV)/.installed ## the improvement of docs/tutorial.md, and its pictures into docs/images
+tutorial: $(VENV)/.installed-test ## the improvement of docs/tutorial.md, its pictures into docs/images, and whether it still says what it quotes
 	$(BIN)/python -m pipeline improve campaign=docs/examples/paper_campaign base=static_bearing modes=1 \
 		output=results/improve-paper_campaign $(ARGS)
 	cp results/improve-paper_campaign/figures/history.png docs/images/tutorial_error.png
 	cp results/improve-paper_campaign/figures/lobes.png docs/images/tutorial_lobes.png
+	TUTORIAL=1 $(BIN)/pytest -q tests/pipeline/test_tutorial.py
 
 template: $(VENV)/.installed ## an empty measurement campaign to fill in, by ARGS=output=DIR
 	$(BIN)/python -m pipeline template $(ARGS)

@@ -11,6 +11,7 @@ import os
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -227,7 +228,8 @@ def _job_class(kind: str) -> Any:
     """Return dask-jobqueue's class of jobs; raise InvalidInput where something that it takes is not there."""
     try:
         import_module("cryptography")
-        found = getattr(import_module(f"dask_jobqueue.{kind}"), KINDS[kind].job_class)
+        with _hearing_as_before():
+            found = getattr(import_module(f"dask_jobqueue.{kind}"), KINDS[kind].job_class)
     except ModuleNotFoundError as error:
         raise InvalidInput([missing_extra(kind, error)]) from None
     commands = (found.submit_command, found.cancel_command, KINDS[kind].living[0])
@@ -237,6 +239,16 @@ def _job_class(kind: str) -> Any:
             [f"cluster: kind '{kind}' needs the command {missing[0]}, which is not found; start where it is"]
         )
     return found
+
+
+@contextmanager
+def _hearing_as_before() -> Iterator[None]:
+    """Keep the answer to Ctrl-C: dask-jobqueue, when imported, puts one in its place that ends the process at once."""
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def missing_extra(kind: str, error: ModuleNotFoundError) -> str:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from chatter_core.errors import ChatterError, InvalidInput
 
 #: How many mutated files are tried of each kind; more by the environment, as ``make fuzz`` does.
-EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "60"))
+EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "40"))
 #: What reading may take for each byte of a file, beside what it takes anyway: text and numbers of a table several times
 #: over [bytes].
 MEMORY, MEMORY_A_BYTE = 32e6, 400.0
