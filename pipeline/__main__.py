@@ -22,7 +22,7 @@ MPI = "cluster=mpi"
 #: Words that ask for help wherever they stand, and for the version.
 HELP, VERSION = {"-h", "--help"}, ("-V", "--version", "version")
 #: What is answered at once: the words after it -> text.
-ANSWERS: dict[str, Callable[[list[str]], str]] = {
+ANSWERED_BY: dict[str, Callable[[list[str]], str]] = {
     "help": usage.help_on,
     "completion": completion.answer,
     **dict.fromkeys(VERSION, usage.versions),
@@ -41,8 +41,8 @@ def main(words: list[str] | None = None) -> int:
 
 def _carry_out(verb: str, rest: list[str]) -> int:
     """Answer at once, or do what a verb does; return the exit code."""
-    if not verb or verb in ANSWERS:
-        say(ANSWERS[verb or "help"](rest))
+    if not verb or verb in ANSWERED_BY:
+        say(ANSWERED_BY[verb or "help"](rest))
         return 0 if verb else 2
     if unreadable := [word for word in rest if word != word.encode(errors="replace").decode()]:
         # A page, a journal and a store could not repeat them.
@@ -127,7 +127,7 @@ def _role(words: list[str]) -> AbstractContextManager[bool]:
 
 def _run_of(verb: str) -> Callable[[list[str]], int]:
     if verb not in VERBS:
-        raise InvalidInput([f"{verb}: {usage.no_verb(verb, [*VERBS, *ANSWERS])}"])
+        raise InvalidInput([f"{verb}: {usage.no_verb(verb, [*VERBS, *ANSWERED_BY])}"])
     run: Callable[[list[str]], int] = import_module(f"pipeline.{verb}").run
     return run
 

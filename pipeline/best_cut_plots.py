@@ -14,7 +14,7 @@ from pipeline.settings import Margins
 #: what is removed for each mm of depth [cm3/min].
 SPEED, KNOWN, RATE = "speed", "known", "rate_of_a_mm"
 #: Largest margins that a page offers, and the steps between them [%].
-MOST_DEPTH, MOST_SPEED, STEP = 60.0, 20.0, 0.5
+FARTHEST_DEPTH, FARTHEST_SPEED, STEP = 60.0, 20.0, 0.5
 WIDTH = 220
 #: What ``safe_depth`` and the largest rate are in Python, for the line that is shown.
 FIND = """
@@ -46,8 +46,8 @@ def add_best_cut(made: figure, line: ColumnDataSource, margins: Margins) -> tupl
     ]
     made.add_tools(hover([marker], rows))
     sliders = {
-        "of_depth": _slider("margin in depth, %", margins.depth, MOST_DEPTH),
-        "of_speed": _slider("margin in speed, %", margins.speed, MOST_SPEED),
+        "of_depth": _slider("margin in depth, %", margins.depth, FARTHEST_DEPTH),
+        "of_speed": _slider("margin in speed, %", margins.speed, FARTHEST_SPEED),
     }
     find = CustomJS(args={"line": line, "best": best, "names": [SPEED, KNOWN, RATE], **sliders}, code=FIND)
     line.js_on_change("data", find)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pipeline.lobes import OUTER, stability_limit
+from pipeline.lobes import OUTER, nothing_missed, stability_limit
 from pipeline.settings import Margins, margins_of
 
 
@@ -24,11 +24,10 @@ def removal_rate(machine: dict[str, Any], spindle_speed_rpm: Any, axial_depth_mm
 def known_limit(lobes: xr.Dataset) -> xr.DataArray:
     """Return limit depths [mm], the grid's last depth where the boundary lies above the grid.
 
-    NaN at speeds of which a cell has no result, and where no boundary was found but one may have been missed: a cut
-    that chatters from the shallowest depth on is not one that is stable down to the deepest.
+    NaN at speeds of which a cell has no result, and where no boundary was found but one may have been missed.
     """
     found = stability_limit(lobes)
-    limit = found.fillna(float(lobes["axial_depth"].max())).where(found.notnull() | (lobes["limits_complete"] == 1))
+    limit = found.fillna(float(lobes["axial_depth"].max())).where(nothing_missed(found, lobes["limits_complete"]))
     return limit.where(lobes["spectral_radius"].notnull().all("axial_depth"))
 
 

@@ -33,7 +33,6 @@ def by_value(data: xr.Dataset) -> dict[str, list[OfValue]]:
     """Return limit depths by the values of every input that has few, numbers in their order, words in the design's."""
     told, numbers = inputs_table(data), data["input"].values.reshape(-1, data.sizes["input_key"])
     limit = limit_or_deepest(data)
-    limit = limit.reshape(-1, limit.shape[-1])
     alone = data.attrs["settings"]["design"]["sampling"] == "one_at_a_time"
     found = {}
     for place, key in enumerate(told.columns):

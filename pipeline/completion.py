@@ -13,14 +13,11 @@ from pathlib import Path
 from chatter_core.errors import InvalidInput
 from chatter_core.reading import nearest
 from pipeline import shipped
-from pipeline.verbs import VERBS
+from pipeline.verbs import ANSWERS, VERBS
 from pipeline.verbs.options import MACHINE, Options
+from pipeline.verbs.studies import VARY
 
 SHELLS = ("bash", "zsh", "fish")
-#: Words that stand where a verb does, and are none.
-ANSWERS = ("help", "completion", "version")
-#: What a word of a data set begins with that lets a key vary.
-VARY = "vary."
 
 #: A word that may stand on the line, and what it means.
 Proposal = tuple[str, str]
@@ -67,7 +64,7 @@ def _verbs(with_answers: bool) -> Iterator[Proposal]:
     for verb, kind in VERBS.items():
         yield verb, kind.summary()
     if with_answers:
-        yield from ((word, "") for word in ANSWERS)
+        yield from ANSWERS.items()
 
 
 def _of_verb(verb: str, kind: type[Options], word: str) -> Iterator[Proposal]:

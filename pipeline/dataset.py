@@ -9,10 +9,8 @@ from pipeline.configuration import compose_settings, sort_words
 from pipeline.design import DatasetSettings, varied_of
 from pipeline.execution import execute_words
 from pipeline.places import DATASET
-from pipeline.verbs.studies import DatasetOptions
+from pipeline.verbs.studies import VARY, DatasetOptions
 
-#: What begins a word that makes a key vary, with a distribution or a list of values.
-VARY = "vary."
 SECONDS_AN_HOUR = 3600.0
 
 
@@ -26,7 +24,8 @@ def run(words: list[str]) -> int:
     changes = {"design": load_yaml(Path(files[-1].removeprefix("design=")))} if files else {}
     settings = compose_settings(sorted_words, DatasetSettings, changes, lambda data: _let_vary(data, varied))
     budget = None if options.budget_hours is None else SECONDS_AN_HOUR * options.budget_hours
-    return execute_words(settings, sorted_words.options, words, root=DATASET, budget=budget)
+    retry = options.retry_failed == "true"
+    return execute_words(settings, sorted_words, words, root=DATASET, retry_failed=retry, budget=budget)
 
 
 def _let_vary(data: dict[str, Any], varied: dict[str, str]) -> None:

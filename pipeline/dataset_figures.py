@@ -46,7 +46,6 @@ def limits_over_speed(data: xr.Dataset) -> Figure:
     """Draw limit depths over speed, each cut's own where there are few, else their median and bands."""
     figure, axes = panel("Limit depths over spindle speed")
     speed, limit = data["spindle_speed"].values, limit_or_deepest(data)
-    limit = limit.reshape(-1, len(speed))
     if len(limit) <= FEW:
         for row, line in enumerate(limit):
             axes.plot(speed, line, lw=1.2, color=COLOURS[row % len(COLOURS)])

@@ -45,7 +45,6 @@ def dataset_plots(data: xr.Dataset, samples: pd.DataFrame, told: pd.DataFrame, t
 def _limits(data: xr.Dataset, samples: pd.DataFrame) -> tuple[figure, Choices, dict[str, Model]]:
     """Return limit depths over speed, bands of all cuts, and the one that is chosen with its best cut; its choices."""
     speed, limit = data["spindle_speed"].values, limit_or_deepest(data)
-    limit = limit.reshape(-1, len(speed))
     rows = np.unique(np.linspace(0, len(limit) - 1, min(MOST_CHOSEN, len(limit))).astype(int))
     names = {str(row): _name(data, samples.iloc[row]) for row in rows}
     choices = Choices({"cut": names}, {"cut": str(rows[0])}, width=WIDE)

@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from chatter_core.variables import WITH_RESULT
-from pipeline import dataset_card, dataset_figures, page, store, survey
+from pipeline import csv_files, dataset_card, dataset_figures, page, store, survey
 from pipeline.dataset_plots import dataset_plots
 from pipeline.dataset_tables import LOWEST, MOST_NAMED, RATE, samples_table
 from pipeline.page import PageTable, provenance, table_of
@@ -44,19 +44,12 @@ def write(place: Place, **margins: float) -> list[Path]:
     output = place.make_output()
     samples = samples_table(data)
     told, text = sensitivity(data)
-    tables = _write_tables({"samples": samples, **({} if told.empty else {"sensitivity": told})}, output / "tables")
+    tables = csv_files.write({"samples": samples, **({} if told.empty else {"sensitivity": told})}, output / "tables")
     pictures = dataset_figures.write(data, told, text, output / "figures")
     card = dataset_card.write(data, counts, output)
     html = output / "report.html"
     _page(html, place.opening, data, counts, samples, (told, text), tables)
     return [card, *tables, *pictures, html]
-
-
-def _write_tables(tables: Mapping[str, pd.DataFrame], folder: Path) -> list[Path]:
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, table in tables.items():
-        table.to_csv(folder / f"{name}.csv", index=False, float_format="%.8g")
-    return [folder / f"{name}.csv" for name in tables]
 
 
 def _page(

@@ -13,6 +13,7 @@ from pipeline.design import PARTS, Description, Design
 from pipeline.design.distributions import Distribution
 from pipeline.kinds import KINDS
 from pipeline.kinds.dataset import descriptions
+from pipeline.lobes import nothing_missed
 from pipeline.places import DATASET
 from pipeline.progress import watched
 from pipeline.settings import margins_of
@@ -42,15 +43,15 @@ def numbered(words: Sequence[str]) -> str:
 
 
 def limit_or_deepest(data: xr.Dataset) -> np.ndarray:
-    """Return limit depths (machine, cut, speed) [mm], the deepest depth where no boundary lies above it.
+    """Return limit depths (machine by cut, speed) [mm], the deepest depth where no boundary lies above it.
 
     NaN where there is no result, and where no boundary was found but one may have been missed.
     """
     deepest = data.attrs["settings"]["design"]["deepest_mm"]
-    limit = data["limit_depth"].values.astype(float)
-    searched = np.isfinite(limit) | (data["limits_complete"].values == 1)
-    known = (data["status"].values == STATUS["ok"]) & searched
-    return np.where(known, np.where(np.isnan(limit), deepest, limit), np.nan)
+    limit = data["limit_depth"].astype(float)
+    known = (data["status"] == STATUS["ok"]) & nothing_missed(limit, data["limits_complete"])
+    depths: np.ndarray = limit.fillna(deepest).where(known).values
+    return depths.reshape(-1, data.sizes["spindle_speed"])
 
 
 def quantiles(limit: np.ndarray, shares: Sequence[float]) -> np.ndarray:
@@ -67,7 +68,7 @@ def samples_table(data: xr.Dataset) -> pd.DataFrame:
     The latter keeps from its boundary as the margins of the store say.
     """
     machines, cuts = data.sizes["machine"], data.sizes["cut"]
-    limit = limit_or_deepest(data).reshape(machines * cuts, -1)
+    limit = limit_or_deepest(data)
     speed = data["spindle_speed"].values
     settled = np.nan_to_num(limit, nan=np.inf)
     lowest = settled.argmin(axis=1)

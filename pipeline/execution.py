@@ -8,7 +8,6 @@ import socket
 import threading
 import time
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.variables import FAILED, STATUS
 from pipeline import metadata, store, survey
 from pipeline.cluster import open_client, pages
+from pipeline.configuration import Words
 from pipeline.dispatch import dispatched
 from pipeline.errors import StorageFailed, StoreUnavailable, WorkersLost
 from pipeline.journal import Journal
@@ -48,15 +48,20 @@ class Stopped(Exception):
 
 
 def execute_words(
-    settings: Study, options: Mapping[str, str], argv: list[str], *, root: str, budget: float | None = None
+    settings: Study,
+    words: Words,
+    argv: list[str],
+    *,
+    root: str,
+    retry_failed: bool = False,
+    budget: float | None = None,
 ) -> int:
-    """Compute what is missing of a study in the place that the options of its verb name, by default one of its own.
+    """Compute what is missing of a study in the place that the words of its verb name, by default one of its own.
 
     root: name of the store. Returns and raises what ``execute`` does.
     """
-    retry = options.get("retry_failed", "false").lower() == "true"
-    place = place_of(options, Path("results") / f"{settings.study}-{settings.fingerprint()[:8]}", root)
-    return execute(settings, place, retry_failed=retry, argv=argv, budget=budget)
+    place = place_of(words.options, Path("results") / f"{settings.study}-{settings.fingerprint()[:8]}", root)
+    return execute(settings, place, retry_failed=retry_failed, argv=argv, budget=budget)
 
 
 def execute(

@@ -1,14 +1,12 @@
 """The steps of a verb that judges a model by a campaign: read, compute, and leave an answer in a folder.
 
-An answer is written beside its place and then moved: a disk that fills up, or a signal, leaves what was there before.
-It never takes the place of what was measured, of what is read, or of what was said of another campaign.
+An answer never takes the place of what was measured, of what is read, or of what was said of another campaign.
 """
 
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Generic, TypeVar
 
 from threadpoolctl import threadpool_limits
@@ -17,6 +15,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.evidence import CampaignModel
 from chatter_core.reading import shown
 from pipeline import comparison_document, diagnosis_document
+from pipeline.answer_folder import write_whole
 from pipeline.campaigns import Asked, options_of, read
 from pipeline.cluster import Workers, open_client
 from pipeline.configuration import sort_words
@@ -105,14 +104,9 @@ def _campaign_of(document: Path) -> str | None:
 
 def _write(verb: Verb[Found], found: Found, asked: Asked, output: Path) -> list[Path]:
     """Write everything and return the paths."""
-    with TemporaryDirectory(prefix=".writing-", dir=output) as folder:
-        beside = Path(folder)
-        names = [path.relative_to(beside) for path in verb.write(found, asked, beside)]
-        for name in names:
-            (output / name).parent.mkdir(exist_ok=True)
-            (beside / name).replace(output / name)
+    written = write_whole(lambda folder: verb.write(found, asked, folder), output)
     # What an earlier answer had to show, and this one has not, would speak of other measurements.
     for known in verb.files:
-        if Path(known) not in names:
+        if output / known not in written:
             (output / known).unlink(missing_ok=True)
-    return [output / name for name in names]
+    return written

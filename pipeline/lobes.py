@@ -26,6 +26,15 @@ def stability_limit(lobes: xr.Dataset) -> xr.DataArray:
     return lobes["limit_depth"].isel(crossing=0, drop=True)
 
 
+def nothing_missed(limit: xr.DataArray, complete: xr.DataArray) -> xr.DataArray:
+    """Return where a limit depth was found, or there is none within the depths for sure.
+
+    A cut that chatters from the shallowest depth on, and so has no limit depth, is not one that is stable down to the
+    deepest. limit: limit depths, NaN where none was found; complete: limits_complete of a store.
+    """
+    return limit.notnull() | (complete == 1)
+
+
 def dominance(lobes: xr.Dataset) -> pd.DataFrame:
     """Return the ranges of speed in which one mode dominates the boundary, a row each.
 

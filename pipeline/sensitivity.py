@@ -26,7 +26,6 @@ def sensitivity(data: xr.Dataset) -> tuple[pd.DataFrame, str]:
     The table is empty where the design, or what was computed of it, does not tell.
     """
     limit = limit_or_deepest(data)
-    limit = limit.reshape(-1, limit.shape[-1])
     known = ~np.isnan(limit).any(axis=1)
     lowest = np.where(known, limit.min(axis=1), np.nan)
     sampling = data.attrs["settings"]["design"]["sampling"]

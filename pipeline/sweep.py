@@ -16,4 +16,5 @@ def run(words: list[str]) -> int:
     if "base" in sorted_words.options:
         sorted_words.values.append(f"grid.modal_parameters=[{BASES[options.base]}]")
     settings = compose_settings(sorted_words)
-    return execute_words(settings, sorted_words.options, words, root=LOBES)
+    retry = options.retry_failed == "true"
+    return execute_words(settings, sorted_words, words, root=LOBES, retry_failed=retry)

@@ -7,6 +7,7 @@ import xarray as xr
 
 from chatter_core.units import SUFFIXES
 from chatter_core.variables import STRUCTURE
+from pipeline import csv_files
 from pipeline.best_cuts import best_cuts
 from pipeline.lobes import crossover_speeds, dominance
 
@@ -22,7 +23,6 @@ LIMITS = ("limit_depth", "limit_chatter_frequency", "limit_dominant_mode", "limi
 
 def write(lobes: xr.Dataset, folder: Path) -> list[Path]:
     """Write every table of a sweep into a folder and return the paths."""
-    folder.mkdir(parents=True, exist_ok=True)
     tables = {
         "limit_depths": _frame(lobes, LIMITS, "limit_depth"),
         "bearing": _frame(lobes, BEARING, "radial_stiffness"),
@@ -31,12 +31,7 @@ def write(lobes: xr.Dataset, folder: Path) -> list[Path]:
         "crossover_speeds": crossover_speeds(lobes).rename(columns=_header),
         "best_cuts": best_cuts(lobes).rename(columns=_header),
     }
-    paths = []
-    for name, table in tables.items():
-        path = folder / f"{name}.csv"
-        table.to_csv(path, index=False, float_format="%.8g")
-        paths.append(path)
-    return paths
+    return csv_files.write(tables, folder)
 
 
 def _frame(lobes: xr.Dataset, names: tuple[str, ...], required: str) -> pd.DataFrame:

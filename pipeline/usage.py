@@ -10,9 +10,8 @@ from pydantic.fields import FieldInfo
 from chatter_core.errors import InvalidInput
 from chatter_core.reading import nearest
 from pipeline import shipped
-from pipeline.completion import ANSWERS
 from pipeline.telling import command, program
-from pipeline.verbs import VERBS
+from pipeline.verbs import ANSWERS, VERBS
 from pipeline.verbs.options import Options
 
 WIDTH = 118
@@ -65,13 +64,7 @@ def no_verb(word: str, allowed: list[str]) -> str:
 
 def _general() -> str:
     verbs = [_entry(name, kind.summary(), 12) for name, kind in VERBS.items()]
-    answers = [
-        _entry(
-            "help", "help VERB, or VERB --help: what a verb does, its options with choices and defaults, examples", 12
-        ),
-        _entry("completion", "completion bash|zsh|fish: what makes a shell complete the words of this program", 12),
-        _entry("version", "the program's version, and those of what its numbers depend on", 12),
-    ]
+    answers = [_entry(name, meaning, 12) for name, meaning in ANSWERS.items()]
     return "\n".join(
         [
             HEAD,

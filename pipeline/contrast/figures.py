@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pipeline.contrast.contrasted import Contrast
-from pipeline.contrast.plots import BAND, NAMES, shown_lines
+from pipeline.contrast.lines import STUDIES
+from pipeline.contrast.plots import BAND, shown_lines
 from pipeline.figures import COLOURS
 
 STYLES = ("-", "--")
@@ -18,7 +19,7 @@ def write(found: Contrast, folder: Path) -> list[Path]:
     drawn = Figure(figsize=(8.0, 6.4), layout="constrained")
     limits, ratios = drawn.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     line, speed = shown_lines(found)[0], found.pairs.speed
-    for which, name in enumerate(NAMES):
+    for which, name in enumerate(STUDIES):
         label = f"{name}: {found.studies[which].place}"
         limits.plot(speed, found.limit[which, line], STYLES[which], color=COLOURS[which], label=label)
     limits.set_title(found.name_of(line), fontsize=9, loc="left")

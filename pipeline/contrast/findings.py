@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.contrast.contrasted import TOLD, Contrast, changed_share_of_all
-from pipeline.contrast.lines import BEST
+from pipeline.contrast.lines import BEST, STUDIES
 from pipeline.contrast.pairs import SAME
 from pipeline.contrast.tables import MOST_ROWS, settings_table
 
@@ -54,7 +54,7 @@ def _of_modes(found: Contrast) -> list[str]:
 
 def _of_best(found: Contrast) -> list[str]:
     told, main = [], found.main_lines
-    for name, table in zip(("first", "second"), found.best, strict=True):
+    for name, table in zip(STUDIES, found.best, strict=True):
         rate = table[BEST[2]].where(main)
         if rate.notna().any():
             row = int(rate.argmax())
@@ -79,7 +79,7 @@ def warnings(found: Contrast) -> list[str]:
         told.append(
             "The cuts that remove most are of all speeds and depths that each study looked at, and these differ."
         )
-    for name, one in zip(("first", "second"), found.studies, strict=True):
+    for name, one in zip(STUDIES, found.studies, strict=True):
         if one.step > 1:
             told.append(f"Of the {name} study one speed of {one.step} was read: it is too large for a page.")
     if found.told.size > MOST_ROWS:

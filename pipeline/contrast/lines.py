@@ -14,9 +14,11 @@ from pipeline import report, store
 from pipeline.best_cuts import best_cuts
 from pipeline.dataset_tables import RATE, inputs_table, samples_table
 from pipeline.kinds import kind_of
-from pipeline.lobes import OUTER
+from pipeline.lobes import OUTER, nothing_missed
 from pipeline.places import LOBES, Place
 
+#: The two studies, as options, columns and pictures name them.
+STUDIES = ("first", "second")
 #: What is read of a boundary, and the fields that hold it.
 AT_LIMIT = {
     "limit": "limit_depth",
@@ -102,7 +104,7 @@ def _of_sweep(place: str, lobes: xr.Dataset, step: int) -> Lines:
         labels=axes.to_frame(index=False),
         speed=speeds,
         deepest=float(depth[-1]),
-        known=known.all(axis=-1) & _searched(lobes.isel(crossing=0), len(speeds)),
+        known=known.all(axis=-1) & _nothing_missed(lobes.isel(crossing=0), len(speeds)),
         best=pd.DataFrame(
             {
                 name: cuts[column].values
@@ -125,7 +127,7 @@ def _of_dataset(place: str, data: xr.Dataset) -> Lines:
         inputs=inputs_table(data),
         speed=speeds,
         deepest=float(data.attrs["settings"]["design"]["deepest_mm"]),
-        known=np.isin(data["status"].values, WITH_RESULT).reshape(-1, len(speeds)) & _searched(data, len(speeds)),
+        known=np.isin(data["status"].values, WITH_RESULT).reshape(-1, len(speeds)) & _nothing_missed(data, len(speeds)),
         best=pd.DataFrame(
             {
                 name: samples[column].values
@@ -136,10 +138,9 @@ def _of_dataset(place: str, data: xr.Dataset) -> Lines:
     )
 
 
-def _searched(data: xr.Dataset, speeds: int) -> np.ndarray:
-    """Return whether no boundary within the grid has been missed where none was found (line, speed)."""
-    searched: np.ndarray = (data["limit_depth"].notnull() | (data["limits_complete"] == 1)).values
-    return searched.reshape(-1, speeds)
+def _nothing_missed(data: xr.Dataset, speeds: int) -> np.ndarray:
+    missed_none: np.ndarray = nothing_missed(data["limit_depth"], data["limits_complete"]).values
+    return missed_none.reshape(-1, speeds)
 
 
 def _at_limit(data: xr.Dataset, speeds: int) -> dict[str, Any]:

@@ -6,7 +6,8 @@ from pathlib import Path
 from pipeline import page
 from pipeline.contrast import findings, tables
 from pipeline.contrast.contrasted import Contrast
-from pipeline.contrast.plots import NAMES, contrast_plots
+from pipeline.contrast.lines import STUDIES
+from pipeline.contrast.plots import contrast_plots
 from pipeline.page import PageTable, provenance, table_of
 from pipeline.plots import embed
 from pipeline.settings import Margins
@@ -38,11 +39,11 @@ def write(html: Path, found: Contrast, margins: Margins, written: list[Path]) ->
         opening=f"first: {first.place}, second: {second.place}",
         provenance=[
             (f"{name}: {what}", value)
-            for name, one in zip(NAMES, found.studies, strict=True)
+            for name, one in zip(STUDIES, found.studies, strict=True)
             for what, value in provenance(one.attributes, verb)
         ],
         settings=json.dumps(
-            {name: one.attributes["settings"] for name, one in zip(NAMES, found.studies, strict=True)}, indent=1
+            {name: one.attributes["settings"] for name, one in zip(STUDIES, found.studies, strict=True)}, indent=1
         ),
     )
     return html

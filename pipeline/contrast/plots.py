@@ -7,13 +7,12 @@ from bokeh.models import LinearColorMapper, Model, Span
 from bokeh.plotting import figure
 
 from pipeline.contrast.contrasted import CHANGES, TOLD, Contrast, changes
-from pipeline.contrast.lines import BEST
+from pipeline.contrast.lines import BEST, STUDIES
 from pipeline.dataset_plots import MOST_CHOSEN
 from pipeline.figures import COLOURS
 from pipeline.plots import WIDE, Choices, Key, add_key, hover, numbers, plot
 from pipeline.study_plots import DEPTH_LABEL, MAP_SIZE, MOST_MAP_POINTS, SPEED_LABEL, edges, nearest
 
-NAMES = ("first", "second")
 DASHES = ("solid", "dashed")
 #: Colours of what becomes of a cell, in the order of CHANGES.
 PALETTE = ("#00000000", "#CFE8DA", "#B8B8B8", "#D55E00", "#0072B2")
@@ -47,8 +46,8 @@ def _limits(found: Contrast, choices: Choices, shown: list[int]) -> figure:
     made.y_range.start = 0.0
     data: dict[Key, dict[str, Any]] = {
         (str(line),): {
-            **{name: numbers(found.limit[which, line]) for which, name in enumerate(NAMES)},
-            **{f"mode_{name}": found.mode[which, line] for which, name in enumerate(NAMES)},
+            **{name: numbers(found.limit[which, line]) for which, name in enumerate(STUDIES)},
+            **{f"mode_{name}": found.mode[which, line] for which, name in enumerate(STUDIES)},
             "ratio": numbers(found.ratio[line]),
             "told": [TOLD[code] for code in found.told[line]],
         }
@@ -56,7 +55,7 @@ def _limits(found: Contrast, choices: Choices, shown: list[int]) -> figure:
     }
     source = choices.source(data, {"speed": numbers(found.pairs.speed)})
     entries, points = dict[str, list[Any]](), list[Any]()
-    for which, name in enumerate(NAMES):
+    for which, name in enumerate(STUDIES):
         line = made.line("speed", name, source=source, line_width=2, color=COLOURS[which], line_dash=DASHES[which])
         points.append(made.scatter("speed", name, source=source, size=3, color=COLOURS[which]))
         entries[name] = [line, points[-1], _best(made, found, choices, shown, which)]
@@ -81,7 +80,7 @@ def _best(made: figure, found: Contrast, choices: Choices, shown: list[int], whi
     source = choices.source(data, {})
     mark = made.scatter(BEST[0], BEST[1], source=source, marker="star", size=18, color=COLOURS[which])
     rows = [
-        (f"most is removed, {NAMES[which]}", f"@{BEST[2]}{{0.0}} cm\N{SUPERSCRIPT THREE}/min"),
+        (f"most is removed, {STUDIES[which]}", f"@{BEST[2]}{{0.0}} cm\N{SUPERSCRIPT THREE}/min"),
         ("cut", f"@{BEST[0]}{{0}} rpm, @{BEST[1]}{{0.000}} mm"),
     ]
     made.add_tools(hover([mark], rows))

@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline import csv_files
 from pipeline.contrast.contrasted import TOLD, Contrast, changed_shares
-from pipeline.contrast.lines import BEST
+from pipeline.contrast.lines import BEST, STUDIES
 from pipeline.settings import differences
 
 #: Rows of a table with limit depths; of more lines every so manieth is in it.
@@ -21,7 +22,7 @@ def settings_table(found: Contrast) -> pd.DataFrame:
         (key.removeprefix("machine."), *("" if value is None else str(value) for value in both))
         for key, both in differences(first, second).items()
     ]
-    return pd.DataFrame(rows, columns=["key", "first", "second"])
+    return pd.DataFrame(rows, columns=["key", *STUDIES])
 
 
 def lines_table(found: Contrast) -> pd.DataFrame:
@@ -81,9 +82,7 @@ def modes_table(found: Contrast) -> pd.DataFrame:
 def best_table(found: Contrast) -> pd.DataFrame:
     """Return the cuts that remove most of both studies, a row for each line."""
     columns = {
-        f"{name}_{column}": table[column]
-        for name, table in zip(("first", "second"), found.best, strict=True)
-        for column in BEST
+        f"{name}_{column}": table[column] for name, table in zip(STUDIES, found.best, strict=True) for column in BEST
     }
     table = found.pairs.labels.reset_index(drop=True).assign(**columns)
     rate = BEST[2]
@@ -92,7 +91,6 @@ def best_table(found: Contrast) -> pd.DataFrame:
 
 def write(found: Contrast, folder: Path) -> list[Path]:
     """Write every table into a folder and return the paths."""
-    folder.mkdir(parents=True, exist_ok=True)
     tables = {
         "settings": settings_table,
         "lines": lines_table,
@@ -100,8 +98,5 @@ def write(found: Contrast, folder: Path) -> list[Path]:
         "dominant_modes": modes_table,
         "best_cuts": best_table,
     }
-    for name, table in tables.items():
-        table(found).rename(columns={"preload": "preload_n"}).to_csv(
-            folder / f"{name}.csv", index=False, float_format="%.8g"
-        )
-    return [folder / f"{name}.csv" for name in tables]
+    named = {name: table(found).rename(columns={"preload": "preload_n"}) for name, table in tables.items()}
+    return csv_files.write(named, folder)

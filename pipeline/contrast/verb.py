@@ -1,22 +1,19 @@
 """The verb: two studies are read, held against each other, and the answer left in a folder."""
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from chatter_core.errors import InvalidInput
+from pipeline.answer_folder import write_whole
 from pipeline.configuration import sort_words
 from pipeline.contrast import figures, findings, page, tables
 from pipeline.contrast.contrasted import Contrast, contrast
-from pipeline.contrast.lines import read
+from pipeline.contrast.lines import STUDIES, read
 from pipeline.locking import held_for_results
 from pipeline.places import STORES, Place
 from pipeline.settings import Margins
 from pipeline.study_place import foreign_words, study_in
 from pipeline.telling import fact, say, wrote
 from pipeline.verbs.stores import ContrastOptions
-
-#: Options that name the studies, each by its folder or its address.
-STUDIES = ("first", "second")
 
 
 def run(words: list[str]) -> int:
@@ -35,7 +32,7 @@ def run(words: list[str]) -> int:
     _refuse_loss(output)
     both = contrast(*(read(place, margins.said) for place in places))
     with held_for_results(output):
-        written = _write(both, margins, output)
+        written = write_whole(lambda folder: _write(both, margins, folder), output)
     told = findings.findings(both)
     fact(findings=told)
     for sentence in told:
@@ -60,13 +57,5 @@ def _refuse_loss(output: Path) -> None:
 
 
 def _write(found: Contrast, margins: Margins, output: Path) -> list[Path]:
-    """Write everything beside its place, then move it; return the paths."""
-    with TemporaryDirectory(prefix=".writing-", dir=output) as folder:
-        beside = Path(folder)
-        made = tables.write(found, beside / "tables")
-        made += [*figures.write(found, beside / "figures"), page.write(beside / "report.html", found, margins, made)]
-        names = [path.relative_to(beside) for path in made]
-        for name in names:
-            (output / name).parent.mkdir(exist_ok=True)
-            (beside / name).replace(output / name)
-    return [output / name for name in names]
+    made = tables.write(found, output / "tables") + figures.write(found, output / "figures")
+    return [*made, page.write(output / "report.html", found, margins, made)]

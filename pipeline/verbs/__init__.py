@@ -23,6 +23,12 @@ from pipeline.verbs.stores import (
 )
 from pipeline.verbs.studies import DatasetOptions, PaperOptions, PointOptions, SweepOptions
 
+#: What a word that stands where a verb does, and is none, answers.
+ANSWERS = {
+    "help": "help VERB, or VERB --help: what a verb does, its options with choices and defaults, examples",
+    "completion": "completion bash|zsh|fish: what makes a shell complete the words of this program",
+    "version": "the program's version, and those of what its numbers depend on",
+}
 VERBS: dict[str, type[Options]] = {
     kind.verb(): kind
     for kind in (

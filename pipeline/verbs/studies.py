@@ -8,6 +8,8 @@ from pydantic import Field
 from chatter_core.machine import LEAST_PRELOAD, MOST_PRELOAD
 from pipeline.verbs.options import MACHINE, BaseOptions, DirectoryPath, EffectOptions, Options, PlaceOptions, Truth
 
+#: What begins a word that makes a key of a design vary, with a distribution or a list of values.
+VARY = "vary."
 RETRY = "cells that failed are computed again"
 
 
