@@ -125,7 +125,7 @@ def _spindle_modes(
     """
     described = stages.machine.spindle
     assert described is not None
-    rotor = spindle.reduce_rotor(spindle.assemble(described, joints=stages.joints(described)))
+    rotor = spindle.reduced(described, stages.joints(described))
     if mode_count > rotor.mode_count:
         raise InvalidInput(
             [f"mode_count: found {mode_count}, allowed at most {rotor.mode_count} for this spindle model"]

@@ -13,7 +13,8 @@ Structures 1 (1971) 581-601 (free modes completed by static attachment shapes).
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 import scipy.linalg
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from chatter_core.errors import InvalidInput
 from chatter_core.joint import CLOSED, Joint, OpenFreedom
-from chatter_core.machine import Damping, Section, Spindle
+from chatter_core.machine import BearingSeat, Damping, Disc, Section, Spindle
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,8 @@ SHORTEST_ELEMENT = 1e-5
 KEPT_MODES = 20
 #: Stiffness of every seat for which the modes of the reduction are exact [N/m].
 REFERENCE_SEAT_STIFFNESS = 1e8
+#: Reduced rotors that are remembered.
+ROTORS_KEPT = 64
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,8 +181,7 @@ def assemble(spindle: Spindle, elements_per_rotor: int = ELEMENTS_PER_ROTOR, joi
     """
     nodes, owner = _mesh(spindle, elements_per_rotor)
     # Freedoms of every node as the element in front of it and as everything behind it sees them.
-    front = np.arange(2 * len(nodes)).reshape(-1, 2)
-    behind, opened = _open_joints(nodes, front, joints)
+    front, behind, opened = _open_joints(nodes, joints)
     freedoms = 2 * len(nodes) + len(opened)
     mass = np.zeros((freedoms, freedoms))
     stiffness, gyroscopic = np.zeros_like(mass), np.zeros_like(mass)
@@ -206,9 +208,10 @@ def assemble(spindle: Spindle, elements_per_rotor: int = ELEMENTS_PER_ROTOR, joi
 
 
 def _open_joints(
-    nodes: Array, front: NDArray[np.intp], joints: tuple[Joint, ...]
-) -> tuple[NDArray[np.intp], tuple[OpenFreedom, ...]]:
-    """Return the freedoms (node, 2) behind every node, and those in which the rotor gives."""
+    nodes: Array, joints: tuple[Joint, ...]
+) -> tuple[NDArray[np.intp], NDArray[np.intp], tuple[OpenFreedom, ...]]:
+    """Return the freedoms (node, 2) in front of every node and behind it, and those in which the rotor gives."""
+    front = np.arange(2 * len(nodes)).reshape(-1, 2)
     behind, opened = front.copy(), list[OpenFreedom]()
     for node in sorted({_node_at(nodes, joint.position) for joint in joints}):
         own = [joint for joint in joints if _node_at(nodes, joint.position) == node]
@@ -218,7 +221,7 @@ def _open_joints(
             if parts:
                 behind[node, way] = front.size + len(opened)
                 opened.append(OpenFreedom(front=int(front[node, way]), behind=int(behind[node, way]), parts=parts))
-    return behind, tuple(opened)
+    return front, behind, tuple(opened)
 
 
 def _mesh(spindle: Spindle, elements_per_rotor: int) -> tuple[Array, list[Section]]:
@@ -282,6 +285,46 @@ def reduce_rotor(rotor: Rotor, kept_modes: int = KEPT_MODES) -> ReducedRotor:
         joint=basis[front] - basis[behind],
         joints=rotor.joints,
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Shaft:
+    """Everything that a reduced rotor depends on, but for how its joints loosen, and the spindle that it is of."""
+
+    sections: tuple[Section, ...]
+    seats: tuple[BearingSeat, ...]
+    discs: tuple[Disc, ...]
+    beam: str
+    joints: tuple[tuple[float, float, float], ...]
+    spindle: Spindle = field(compare=False, repr=False)
+
+
+def reduced(spindle: Spindle, joints: tuple[Joint, ...] = ()) -> ReducedRotor:
+    """Assemble and reduce the rotor of a spindle; fits of bearings, damping or cuts ask for the same one again.
+
+    joints: as for ``assemble``. Raises InvalidInput for a rotor whose stiffness is singular in double precision.
+
+    See docs/physics.md#rotor.
+    """
+    shaft = _Shaft(
+        sections=spindle.sections,
+        seats=spindle.bearings,
+        discs=spindle.discs,
+        beam=spindle.beam,
+        joints=tuple((one.position, one.lateral_compliance, one.rotational_compliance) for one in joints),
+        spindle=spindle,
+    )
+    rotor = _reduced(shaft)
+    return replace(rotor, joints=_open_joints(_mesh(spindle, ELEMENTS_PER_ROTOR)[0], joints)[2]) if joints else rotor
+
+
+@lru_cache(maxsize=ROTORS_KEPT)
+def _reduced(shaft: _Shaft) -> ReducedRotor:
+    joints = tuple(
+        Joint(position=position, lateral_compliance=lateral, rotational_compliance=rotational)
+        for position, lateral, rotational in shaft.joints
+    )
+    return reduce_rotor(assemble(shaft.spindle, joints=joints))
 
 
 def supported_modes(rotor: ReducedRotor, seat_stiffness: Array, spindle_speed: Array | None = None) -> RotorModes:

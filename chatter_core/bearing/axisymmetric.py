@@ -33,6 +33,8 @@ PATH_STEP = 2000.0 * 2.0 * math.pi / 60.0
 HALVINGS = 18
 #: Steps from station to station that are remembered.
 STEPS_KEPT = 512
+#: Balances along a path that are remembered.
+PATHS_KEPT = 64
 #: Contact angle that no load reaches [rad]: there the balls would leave their grooves.
 STEEPEST = math.radians(89.9)
 
@@ -48,6 +50,12 @@ class SpeedLaw:
     ball_speed: Callable[[Array], Array]
     preload: Callable[[Array], Array]
     ring_growth: Callable[[Array], Array]
+
+    def sampled(self, spindle_speed: Array) -> bytes:
+        """Return the law at speeds (speed,), to tell whether it is another."""
+        return np.concatenate(
+            [law(spindle_speed) for law in (self.preload, self.ball_speed, self.ring_growth)]
+        ).tobytes()
 
     def felt(self, spindle_speed: Array) -> Array:
         """Return the speeds (speed,), standstill in the place of those at which nothing differs from it."""
@@ -130,10 +138,16 @@ def state_along(bearing: Bearing, law: SpeedLaw, spindle_speed: Array, preload_t
     """
     if not np.all(np.isfinite(spindle_speed) & (spindle_speed >= 0.0)):
         raise InvalidInput(["spindle_speed: every speed of the bearing must be a finite number, at least 0"])
-    path = _Path(bearing, law, preload_type)
     speeds, place = np.unique(np.asarray(spindle_speed, dtype=float), return_inverse=True)
-    unknowns, solved = path.at(speeds)
-    found = path.balance(unknowns, speeds)
+    stations = 0.5 * PATH_STEP * np.arange(2.0 * speeds.max(initial=0.0) // PATH_STEP + 2.0)
+    asked = _Asked(
+        bearing=bearing,
+        preload_type=preload_type,
+        speeds=speeds.tobytes(),
+        sampled=law.sampled(np.concatenate([stations, speeds])),
+        law=law,
+    )
+    unknowns, solved, found = _balances(asked)
     count, stiffness = bearing.ball_count, bearing.ball_count * found.ring_stiffness()
     columns = {
         "axial_load": count * found.ring_load[:, 0],
@@ -205,12 +219,11 @@ class _Path:
     def _leaving(self, number: int, unknowns: Array) -> "_Leaving":
         """Return the step from a station to the next."""
         felt = np.array([0.0, number, number + 0.5, number + 1.0]) * PATH_STEP
-        law = np.concatenate([self.law.preload(felt), self.law.ball_speed(felt), self.law.ring_growth(felt)])
         return _Leaving(
             bearing=self.bearing,
             rigid=self.rigid,
             number=number,
-            law=law.tobytes(),
+            law=self.law.sampled(felt),
             unknowns=unknowns.tobytes(),
             path=self,
         )
@@ -295,6 +308,25 @@ class _Path:
         touching = (found.inner_contact_force > 0.0) & (found.outer_contact_force > 0.0)
         size = np.where(touching, np.maximum(found.inner_contact_force, found.outer_contact_force), 0.0)
         return np.concatenate([found.residual, last[:, None]], axis=1), jacobian, size
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Asked:
+    """Ascending speeds of a path: everything that the balances there depend on, and the law that was sampled."""
+
+    bearing: Bearing
+    preload_type: PreloadType
+    speeds: bytes
+    sampled: bytes
+    law: SpeedLaw = field(compare=False, repr=False)
+
+
+@lru_cache(maxsize=PATHS_KEPT)
+def _balances(asked: _Asked) -> tuple[Array, NDArray[np.bool_], BallBalance]:
+    """Return unknowns (speed, 3), which were reached (speed,), and the balance there."""
+    path, speeds = _Path(asked.bearing, asked.law, asked.preload_type), np.frombuffer(asked.speeds)
+    unknowns, solved = path.at(speeds)
+    return unknowns, solved, path.balance(unknowns, speeds)
 
 
 @dataclass(frozen=True, kw_only=True)
