@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from unittest.mock import Mock
@@ -17,7 +18,7 @@ from pipeline.__main__ import main
 from pipeline.chunks import Chunk
 from pipeline.cluster import Workers
 from pipeline.errors import WorkersLost
-from pipeline.stopping import signals
+from pipeline.stopping import SIGNALS, heard, signals
 from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED, GATE
 from tests.pipeline.studies import CHUNKS, PATIENCE, ended, journal, lobes, sweep, sweep_process, wait_until
 
@@ -31,6 +32,15 @@ def finished_chunks(output: Path) -> list[Chunk]:
 def without_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out tables and figures, which take longer than everything else."""
     monkeypatch.setattr("pipeline.report.write", lambda output: [])
+
+
+@pytest.fixture(autouse=True)
+def hears_signals() -> Iterator[None]:
+    """Hear what a program hears that is started by hand: under ``nohup``, or behind ``&``, tests would not."""
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in SIGNALS if not heard(number)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture(scope="module")
