@@ -19,6 +19,7 @@ from functools import lru_cache
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
 from chatter_core.joint import CLOSED, Joint, OpenFreedom
@@ -324,7 +325,9 @@ def _reduced(shaft: _Shaft) -> ReducedRotor:
         Joint(position=position, lateral_compliance=lateral, rotational_compliance=rotational)
         for position, lateral, rotational in shaft.joints
     )
-    return reduce_rotor(assemble(shaft.spindle, joints=joints))
+    # Last digits of sums hang on the number of threads, and what is remembered must not hang on who asked first.
+    with threadpool_limits(1):
+        return reduce_rotor(assemble(shaft.spindle, joints=joints))
 
 
 def supported_modes(rotor: ReducedRotor, seat_stiffness: Array, spindle_speed: Array | None = None) -> RotorModes:

@@ -1,0 +1,76 @@
+"""Bearings' balances and reduced rotors are remembered: nothing may hang on what was asked before."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_limits
+
+from chatter_core.bearing import axisymmetric
+from chatter_core.chain import structure
+from chatter_core.joint import Joint
+from chatter_core.machine import Machine
+from chatter_core.spindle import _reduced, assemble, reduce_rotor, reduced
+from chatter_core.stages import Stages
+
+SPEEDS = np.linspace(0.0, 2500.0, 7)
+
+
+def forget() -> None:
+    _reduced.cache_clear()
+    axisymmetric._balances.cache_clear()
+    axisymmetric._next_station.cache_clear()
+
+
+def felt(stages: Stages) -> np.ndarray:
+    """Return what the tip and the bearing are over speed."""
+    found = structure(stages, SPEEDS, mode_count=4)
+    assert found.bearing is not None
+    of_bearing = [getattr(found.bearing, field.name) for field in fields(found.bearing) if field.name != "preload"]
+    return np.column_stack([found.modes.natural_frequency, found.modes.modal_mass, *of_bearing])
+
+
+def with_preload_rising(machine: Machine, share: float) -> Stages:
+    """Return stages whose preload rises with speed by so much at 2500 rad/s."""
+    return replace(Stages(machine=machine), preload=lambda spindle, speed: 100.0 * (1.0 + share * speed / 2500.0))
+
+
+def test_a_rotor_is_the_same_whoever_asks_first(reference_machine: Machine) -> None:
+    """Numbers of threads change the order of summation."""
+    found = []
+    for threads in (1, 2):
+        forget()
+        with threadpool_limits(threads):
+            found.append(reduced(reference_machine.spindle))
+    np.testing.assert_array_equal(found[0].stiffness, found[1].stiffness)
+    np.testing.assert_array_equal(found[0].tip, found[1].tip)
+
+
+@pytest.mark.parametrize("share", [0.0, 1e-9, 0.5])
+def test_what_is_remembered_of_one_law_is_not_taken_for_another(reference_machine: Machine, share: float) -> None:
+    with threadpool_limits(1):
+        forget()
+        alone = felt(with_preload_rising(reference_machine, share))
+        forget()
+        for other in (0.0, 1e-9, 0.5):
+            felt(with_preload_rising(reference_machine, other))
+        np.testing.assert_array_equal(felt(with_preload_rising(reference_machine, share)), alone)
+        assert axisymmetric._balances.cache_info().hits >= 1
+
+
+def test_joints_of_one_compliance_may_loosen_otherwise(reference_machine: Machine) -> None:
+    """How a joint loosens is not among what is remembered, and comes with the rotor nevertheless."""
+    spindle = reference_machine.spindle
+    border = spindle.sections[0].length
+    laws = (lambda speed: 1.0 + speed, lambda speed: 1.0 + 2.0 * speed)
+    for law in laws:
+        joint = Joint(position=border, lateral_compliance=1e-8, rotational_compliance=1e-5, loosening=law)
+        found, plain = reduced(spindle, (joint,)), reduce_rotor(assemble(spindle, joints=(joint,)))
+        seats = np.full((3, len(spindle.bearings)), 1e8)
+        speeds = np.array([0.0, 1.0, 3.0])
+        # The same numbers but for rounding: the plain one may be made with more threads.
+        np.testing.assert_allclose(
+            np.linalg.eigvalsh(found.supported(seats, speeds)),
+            np.linalg.eigvalsh(plain.supported(seats, speeds)),
+            rtol=1e-8,
+        )
