@@ -296,7 +296,7 @@ class _Shaft:
     seats: tuple[BearingSeat, ...]
     discs: tuple[Disc, ...]
     beam: str
-    joints: tuple[tuple[float, float, float], ...]
+    joints: tuple[Joint, ...]
     spindle: Spindle = field(compare=False, repr=False)
 
 
@@ -312,7 +312,7 @@ def reduced(spindle: Spindle, joints: tuple[Joint, ...] = ()) -> ReducedRotor:
         seats=spindle.bearings,
         discs=spindle.discs,
         beam=spindle.beam,
-        joints=tuple((one.position, one.lateral_compliance, one.rotational_compliance) for one in joints),
+        joints=tuple(replace(one, loosening=np.ones_like) for one in joints),
         spindle=spindle,
     )
     rotor = _reduced(shaft)
@@ -321,13 +321,9 @@ def reduced(spindle: Spindle, joints: tuple[Joint, ...] = ()) -> ReducedRotor:
 
 @lru_cache(maxsize=ROTORS_KEPT)
 def _reduced(shaft: _Shaft) -> ReducedRotor:
-    joints = tuple(
-        Joint(position=position, lateral_compliance=lateral, rotational_compliance=rotational)
-        for position, lateral, rotational in shaft.joints
-    )
     # Last digits of sums hang on the number of threads, and what is remembered must not hang on who asked first.
     with threadpool_limits(1):
-        return reduce_rotor(assemble(shaft.spindle, joints=joints))
+        return reduce_rotor(assemble(shaft.spindle, joints=shaft.joints))
 
 
 def supported_modes(rotor: ReducedRotor, seat_stiffness: Array, spindle_speed: Array | None = None) -> RotorModes:

@@ -51,16 +51,17 @@ class SpeedLaw:
     preload: Callable[[Array], Array]
     ring_growth: Callable[[Array], Array]
 
+    @property
+    def _laws(self) -> tuple[Callable[[Array], Array], ...]:
+        return self.ball_speed, self.preload, self.ring_growth
+
     def sampled(self, spindle_speed: Array) -> bytes:
         """Return the law at speeds (speed,), to tell whether it is another."""
-        return np.concatenate(
-            [law(spindle_speed) for law in (self.preload, self.ball_speed, self.ring_growth)]
-        ).tobytes()
+        return np.concatenate([law(spindle_speed) for law in self._laws]).tobytes()
 
     def felt(self, spindle_speed: Array) -> Array:
         """Return the speeds (speed,), standstill in the place of those at which nothing differs from it."""
-        laws = (self.ball_speed, self.preload, self.ring_growth)
-        differs = [law(spindle_speed) != law(np.zeros(1)) for law in laws]
+        differs = [law(spindle_speed) != law(np.zeros(1)) for law in self._laws]
         return np.where(np.any(differs, axis=0), spindle_speed, 0.0)
 
 
