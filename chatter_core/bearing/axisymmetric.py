@@ -33,7 +33,7 @@ PATH_STEP = 2000.0 * 2.0 * math.pi / 60.0
 HALVINGS = 18
 #: Steps from station to station that are remembered.
 STEPS_KEPT = 512
-#: Balances along a path that are remembered.
+#: States along a path that are remembered.
 PATHS_KEPT = 64
 #: Contact angle that no load reaches [rad]: there the balls would leave their grooves.
 STEEPEST = math.radians(89.9)
@@ -140,7 +140,8 @@ def state_along(bearing: Bearing, law: SpeedLaw, spindle_speed: Array, preload_t
     if not np.all(np.isfinite(spindle_speed) & (spindle_speed >= 0.0)):
         raise InvalidInput(["spindle_speed: every speed of the bearing must be a finite number, at least 0"])
     speeds, place = np.unique(np.asarray(spindle_speed, dtype=float), return_inverse=True)
-    stations = 0.5 * PATH_STEP * np.arange(2.0 * speeds.max(initial=0.0) // PATH_STEP + 2.0)
+    # Between half steps and speeds a law matters to the way there alone, not to the state at a speed.
+    stations = 0.5 * PATH_STEP * np.arange(2.0 * speeds.max(initial=0.0) // PATH_STEP + 1.0)
     asked = _Asked(
         bearing=bearing,
         preload_type=preload_type,
@@ -148,26 +149,7 @@ def state_along(bearing: Bearing, law: SpeedLaw, spindle_speed: Array, preload_t
         sampled=law.sampled(np.concatenate([stations, speeds])),
         law=law,
     )
-    unknowns, solved, found = _balances(asked)
-    count, stiffness = bearing.ball_count, bearing.ball_count * found.ring_stiffness()
-    columns = {
-        "axial_load": count * found.ring_load[:, 0],
-        "inner_contact_angle": found.inner_contact_angle,
-        "outer_contact_angle": found.outer_contact_angle,
-        "inner_contact_force": found.inner_contact_force,
-        "outer_contact_force": found.outer_contact_force,
-        "centrifugal_force": found.centrifugal_force,
-        "gyroscopic_moment": found.gyroscopic_moment,
-        "axial_displacement": unknowns[:, 2],
-        "radial_stiffness": 0.5 * stiffness[:, 1, 1],  # the mean of cos^2 over the balls is one half
-        "axial_stiffness": stiffness[:, 0, 0],
-    }
-    return BearingState(
-        preload=float(law.preload(np.zeros(1))[0]),
-        spindle_speed=speeds[place],
-        solved=solved[place],
-        **{name: np.where(solved, values, np.nan)[place] for name, values in columns.items()},
-    )
+    return _state(asked).at(place)
 
 
 class _Path:
@@ -313,7 +295,7 @@ class _Path:
 
 @dataclass(frozen=True, kw_only=True)
 class _Asked:
-    """Ascending speeds of a path: everything that the balances there depend on, and the law that was sampled."""
+    """Ascending speeds of a path: everything that the states there depend on, and the law that was sampled."""
 
     bearing: Bearing
     preload_type: PreloadType
@@ -323,11 +305,30 @@ class _Asked:
 
 
 @lru_cache(maxsize=PATHS_KEPT)
-def _balances(asked: _Asked) -> tuple[Array, NDArray[np.bool_], BallBalance]:
-    """Return unknowns (speed, 3), which were reached (speed,), and the balance there."""
+def _state(asked: _Asked) -> BearingState:
+    """Return the state at every speed of a path."""
     path, speeds = _Path(asked.bearing, asked.law, asked.preload_type), np.frombuffer(asked.speeds)
     unknowns, solved = path.at(speeds)
-    return unknowns, solved, path.balance(unknowns, speeds)
+    found = path.balance(unknowns, speeds)
+    count, stiffness = asked.bearing.ball_count, asked.bearing.ball_count * found.ring_stiffness()
+    columns = {
+        "axial_load": count * found.ring_load[:, 0],
+        "inner_contact_angle": found.inner_contact_angle,
+        "outer_contact_angle": found.outer_contact_angle,
+        "inner_contact_force": found.inner_contact_force,
+        "outer_contact_force": found.outer_contact_force,
+        "centrifugal_force": found.centrifugal_force,
+        "gyroscopic_moment": found.gyroscopic_moment,
+        "axial_displacement": unknowns[:, 2],
+        "radial_stiffness": 0.5 * stiffness[:, 1, 1],  # the mean of cos^2 over the balls is one half
+        "axial_stiffness": stiffness[:, 0, 0],
+    }
+    return BearingState(
+        preload=float(asked.law.preload(np.zeros(1))[0]),
+        spindle_speed=speeds,
+        solved=solved,
+        **{name: np.where(solved, values, np.nan) for name, values in columns.items()},
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Bearings' balances and reduced rotors are remembered: nothing may hang on what was asked before."""
+"""States of bearings and reduced rotors are remembered: nothing may hang on what was asked before."""
 
 from dataclasses import fields, replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from chatter_core.bearing import axisymmetric
+from chatter_core.bearing import SpeedLaw, axisymmetric, state_along
 from chatter_core.chain import structure
 from chatter_core.joint import Joint
 from chatter_core.machine import Machine
@@ -18,7 +18,7 @@ SPEEDS = np.linspace(0.0, 2500.0, 7)
 
 def forget() -> None:
     _reduced.cache_clear()
-    axisymmetric._balances.cache_clear()
+    axisymmetric._state.cache_clear()
     axisymmetric._next_station.cache_clear()
 
 
@@ -46,6 +46,19 @@ def test_a_rotor_is_the_same_whoever_asks_first(reference_machine: Machine) -> N
     np.testing.assert_array_equal(found[0].tip, found[1].tip)
 
 
+def test_a_law_is_not_asked_beyond_the_highest_speed(reference_machine: Machine) -> None:
+    """A table of measured preloads ends somewhere, and a law that falls with speed leaves no preload in the end."""
+    highest = 2000.0
+
+    def preload(speed: np.ndarray) -> np.ndarray:
+        assert speed.max() <= highest
+        return np.full_like(speed, 100.0)
+
+    law = SpeedLaw(ball_speed=lambda speed: speed, preload=preload, ring_growth=np.zeros_like)
+    state = state_along(reference_machine.bearing, law, np.array([0.0, highest]), "constant")
+    assert state.solved.all()
+
+
 @pytest.mark.parametrize("share", [0.0, 1e-9, 0.5])
 def test_what_is_remembered_of_one_law_is_not_taken_for_another(reference_machine: Machine, share: float) -> None:
     with threadpool_limits(1):
@@ -55,7 +68,7 @@ def test_what_is_remembered_of_one_law_is_not_taken_for_another(reference_machin
         for other in (0.0, 1e-9, 0.5):
             felt(with_preload_rising(reference_machine, other))
         np.testing.assert_array_equal(felt(with_preload_rising(reference_machine, share)), alone)
-        assert axisymmetric._balances.cache_info().hits >= 1
+        assert axisymmetric._state.cache_info().hits >= 1
 
 
 def test_joints_of_one_compliance_may_loosen_otherwise(reference_machine: Machine) -> None:
