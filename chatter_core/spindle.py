@@ -13,8 +13,9 @@ Structures 1 (1971) 581-601 (free modes completed by static attachment shapes).
 
 import itertools
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from threading import Lock
 
 import numpy as np
 import scipy.linalg
@@ -23,7 +24,7 @@ from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
 from chatter_core.joint import CLOSED, Joint, OpenFreedom
-from chatter_core.machine import BearingSeat, Damping, Disc, Section, Spindle
+from chatter_core.machine import Damping, Section, Spindle
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,8 @@ KEPT_MODES = 20
 REFERENCE_SEAT_STIFFNESS = 1e8
 #: Reduced rotors that are remembered.
 ROTORS_KEPT = 64
+#: Held by whoever makes one to remember, see ``_reduced``.
+_ONE_AT_A_TIME = Lock()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -288,42 +291,30 @@ def reduce_rotor(rotor: Rotor, kept_modes: int = KEPT_MODES) -> ReducedRotor:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Shaft:
-    """Everything that a reduced rotor depends on, but for how its joints loosen, and the spindle that it is of."""
-
-    sections: tuple[Section, ...]
-    seats: tuple[BearingSeat, ...]
-    discs: tuple[Disc, ...]
-    beam: str
-    joints: tuple[Joint, ...]
-    spindle: Spindle = field(compare=False, repr=False)
-
-
 def reduced(spindle: Spindle, joints: tuple[Joint, ...] = ()) -> ReducedRotor:
     """Assemble and reduce the rotor of a spindle; fits of bearings, damping or cuts ask for the same one again.
 
-    joints: as for ``assemble``. Raises InvalidInput for a rotor whose stiffness is singular in double precision.
+    joints: as for ``assemble``. Its arrays are read-only: everybody who asks for this rotor has the same ones.
+
+    Raises InvalidInput for a rotor whose stiffness is singular in double precision.
 
     See docs/physics.md#rotor.
     """
-    shaft = _Shaft(
-        sections=spindle.sections,
-        seats=spindle.bearings,
-        discs=spindle.discs,
-        beam=spindle.beam,
-        joints=tuple(replace(one, loosening=np.ones_like) for one in joints),
-        spindle=spindle,
-    )
-    rotor = _reduced(shaft)
+    # What no rotor depends on is taken away: all that is left tells it from others. How joints loosen is put back.
+    shaft = spindle.model_copy(update=dict.fromkeys(("preload", "preload_type", "damping")))
+    rotor = _reduced(shaft, tuple(replace(one, loosening=np.ones_like) for one in joints))
     return replace(rotor, joints=_open_joints(_mesh(spindle, ELEMENTS_PER_ROTOR)[0], joints)[2]) if joints else rotor
 
 
 @lru_cache(maxsize=ROTORS_KEPT)
-def _reduced(shaft: _Shaft) -> ReducedRotor:
-    # Last digits of sums hang on the number of threads, and what is remembered must not hang on who asked first.
-    with threadpool_limits(1):
-        return reduce_rotor(assemble(shaft.spindle, joints=shaft.joints))
+def _reduced(shaft: Spindle, joints: tuple[Joint, ...]) -> ReducedRotor:
+    # Last digits of sums hang on the number of threads, and what is remembered must not hang on who asked first. That
+    # number is one for the whole process: whoever set it back would do so for others that still compute.
+    with _ONE_AT_A_TIME, threadpool_limits(1):
+        rotor = reduce_rotor(assemble(shaft, joints=joints))
+    for array in (rotor.stiffness, rotor.gyroscopic, rotor.seat, rotor.tip, rotor.joint):
+        array.flags.writeable = False
+    return rotor
 
 
 def supported_modes(rotor: ReducedRotor, seat_stiffness: Array, spindle_speed: Array | None = None) -> RotorModes:

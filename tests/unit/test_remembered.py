@@ -1,5 +1,7 @@
 """States of bearings and reduced rotors are remembered: nothing may hang on what was asked before."""
 
+import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
 
 import numpy as np
@@ -10,7 +12,7 @@ from chatter_core.bearing import SpeedLaw, axisymmetric, state_along
 from chatter_core.chain import structure
 from chatter_core.joint import Joint
 from chatter_core.machine import Machine
-from chatter_core.spindle import _reduced, assemble, reduce_rotor, reduced
+from chatter_core.spindle import ReducedRotor, Rotor, _reduced, assemble, reduce_rotor, reduced
 from chatter_core.stages import Stages
 
 SPEEDS = np.linspace(0.0, 2500.0, 7)
@@ -44,6 +46,33 @@ def test_a_rotor_is_the_same_whoever_asks_first(reference_machine: Machine) -> N
             found.append(reduced(reference_machine.spindle))
     np.testing.assert_array_equal(found[0].stiffness, found[1].stiffness)
     np.testing.assert_array_equal(found[0].tip, found[1].tip)
+
+
+def test_rotors_are_made_one_at_a_time(reference_machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The number of threads is one of the process: who is done sets it back, for whoever still computes as well."""
+    at_it, most = [0], [0]
+
+    def slow(rotor: Rotor) -> ReducedRotor:
+        at_it[0] += 1
+        most[0] = max(most[0], at_it[0])
+        time.sleep(0.05)  # long enough for the others to come in, were they let
+        at_it[0] -= 1
+        return reduce_rotor(rotor)
+
+    monkeypatch.setattr("chatter_core.spindle.reduce_rotor", slow)
+    forget()
+    border = reference_machine.spindle.sections[0].length
+    joints = [(Joint(position=border, lateral_compliance=c, rotational_compliance=0.0),) for c in (1e-9, 1e-8, 1e-7)]
+    with ThreadPoolExecutor(len(joints)) as pool:
+        list(pool.map(lambda one: reduced(reference_machine.spindle, one), joints))
+    assert most == [1]
+
+
+def test_what_is_remembered_of_a_rotor_cannot_be_changed(reference_machine: Machine) -> None:
+    rotor = reduced(reference_machine.spindle)
+    for name in ("stiffness", "gyroscopic", "seat", "tip", "joint"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(rotor, name)[...] = 0.0
 
 
 def test_a_law_is_not_asked_beyond_the_highest_speed(reference_machine: Machine) -> None:
