@@ -11,7 +11,7 @@ import xarray as xr
 from jinja2 import Environment, PackageLoader
 
 from chatter_core.variables import CUT_STATUS, DATASET, DATASET_INPUTS
-from pipeline.dataset_tables import numbered
+from pipeline.dataset_tables import numbered, stable_throughout
 from pipeline.design import PARTS, Design
 
 FILE = "card.md"
@@ -34,7 +34,6 @@ def prose(text: str) -> str:
 def _told(data: xr.Dataset, counts: Mapping[str, int]) -> dict[str, Any]:
     attributes, speed = data.attrs, data["spindle_speed"].values
     design = Design.model_validate(attributes["settings"]["design"])
-    stable = int((np.isnan(data["limit_depth"].values) & (data["status"].values == 1)).sum())
     sizes = np.bincount(data["split"].values, minlength=len(PARTS))
     words = attributes["input_words"]
     return {
@@ -50,7 +49,7 @@ def _told(data: xr.Dataset, counts: Mapping[str, int]) -> dict[str, Any]:
             for name, one in {**DATASET_INPUTS, **DATASET, "status": CUT_STATUS}.items()
         ],
         "counts": {name: count for name, count in counts.items() if count},
-        "stable": stable,
+        "stable": int(stable_throughout(data).sum()),
         "inputs": _inputs(data, design),
         "formulas": {**design.machine.formulas, **design.cut.formulas},
         "constraints": [*design.machine.constraints, *design.cut.constraints],

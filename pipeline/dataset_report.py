@@ -8,10 +8,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from chatter_core.variables import WITH_RESULT
 from pipeline import csv_files, dataset_card, dataset_figures, page, store, survey
 from pipeline.dataset_plots import dataset_plots
-from pipeline.dataset_tables import LOWEST, MOST_NAMED, RATE, samples_table
+from pipeline.dataset_tables import LOWEST, MOST_NAMED, RATE, samples_table, stable_throughout
 from pipeline.page import PageTable, provenance, table_of
 from pipeline.places import Place
 from pipeline.plots import embed
@@ -95,8 +94,7 @@ def _findings(data: xr.Dataset, samples: pd.DataFrame, untold: str) -> list[str]
             f"The lowest limit depth over all speeds is {middle:.3g} mm in the median, {low:.3g} to {high:.3g} mm in "
             "four of five cuts."
         )
-    stable = np.isnan(data["limit_depth"].values) & np.isin(data["status"].values, WITH_RESULT)
-    found.append(f"{stable.mean():.1%} of all cuts and speeds are stable down to the deepest depth.")
+    found.append(f"{stable_throughout(data).mean():.1%} of all cuts and speeds are stable down to the deepest depth.")
     if samples[RATE].notna().any():
         best = samples.loc[samples[RATE].idxmax()]
         found.append(

@@ -54,6 +54,13 @@ def limit_or_deepest(data: xr.Dataset) -> np.ndarray:
     return depths.reshape(-1, data.sizes["spindle_speed"])
 
 
+def stable_throughout(data: xr.Dataset) -> np.ndarray:
+    """Return where a cut is stable down to the deepest depth, for all that is known (machine by cut, speed)."""
+    known = np.isfinite(limit_or_deepest(data))
+    stable: np.ndarray = known & np.isnan(data["limit_depth"].values).reshape(known.shape)
+    return stable
+
+
 def quantiles(limit: np.ndarray, shares: Sequence[float]) -> np.ndarray:
     """Return quantiles (share, speed) of the limit depths (cut, speed) that are known, NaN where none is."""
     found = np.full((len(shares), limit.shape[1]), np.nan)

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
+from pipeline.best_cuts import known_limit
 from pipeline.lobes import stability_limit
 
 matplotlib.use("Agg")
@@ -62,8 +63,8 @@ def lobes_static_and_dynamic(lobes: xr.Dataset, preload: float) -> Figure:
         _boundary(
             axes, limit.sel(modal_parameters=name), color=colour, linestyle=STYLE[name], label=f"{name} parameters"
         )
-    shown = limit.isel(modal_parameters=0)
-    axes.fill_between(shown["spindle_speed"], 0.0, shown.fillna(float(lobes["axial_depth"].max())), color=STABLE)
+    stable = known_limit(lobes).sel(preload=preload, mode_count=modes).isel(modal_parameters=0)
+    axes.fill_between(stable["spindle_speed"], 0.0, stable, color=STABLE)
     _finish(axes, lobes, f"{_preload_label(lobes, preload)}{modes_label(lobes, modes)}")
     return figure
 

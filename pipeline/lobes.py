@@ -90,7 +90,7 @@ def most_misjudged(lobes: xr.Dataset, preload: float, mode_count: int) -> Misjud
     """Return the speed at which static lobes allow most beyond the dynamic ones, None without both.
 
     Where the static boundary lies above the grid it counts as the grid's last depth. Speeds of which
-    some cell has no result do not count.
+    some cell has no result do not count, nor those where a static limit depth may have been missed.
     """
     if not {"static", "dynamic"} <= set(lobes["modal_parameters"].values):
         return None
@@ -98,7 +98,8 @@ def most_misjudged(lobes: xr.Dataset, preload: float, mode_count: int) -> Misjud
     complete = line["status"].isin(WITH_RESULT).all(["axial_depth", "modal_parameters"])
     limit = stability_limit(line)
     deepest = float(lobes["axial_depth"].max())
-    static, dynamic = limit.sel(modal_parameters="static").fillna(deepest), limit.sel(modal_parameters="dynamic")
+    settled = limit.fillna(deepest).where(nothing_missed(limit, line["limits_complete"]))
+    static, dynamic = settled.sel(modal_parameters="static"), limit.sel(modal_parameters="dynamic")
     ratio = (static / dynamic).where(complete).values
     if np.isnan(ratio).all():
         return None

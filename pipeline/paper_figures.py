@@ -6,6 +6,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pipeline.best_cuts import known_limit
 from pipeline.figures import COLOURS, STABLE, STYLE, modes_label, over_speed, panel, panels, shared_legend
 from pipeline.findings import Evidence
 from pipeline.lobes import dominance, most_misjudged, stability_limit
@@ -134,9 +135,8 @@ def deceptive_speed(evidence: Evidence) -> Figure:
     figure, axes = panel("P9: a speed that only the standing spindle recommends")
     limit = _all_modes(evidence)
     _dynamic_and_static(axes, limit)
-    line = limit.sel(modal_parameters="dynamic")
-    deepest = float(evidence.together["axial_depth"].max())
-    axes.fill_between(line["spindle_speed"], 0.0, line.fillna(deepest), color=STABLE)
+    stable = known_limit(evidence.together).isel(preload=0, mode_count=-1).sel(modal_parameters="dynamic")
+    axes.fill_between(stable["spindle_speed"], 0.0, stable, color=STABLE)
     worst = most_misjudged(
         evidence.together, float(evidence.together["preload"][0]), int(evidence.together["mode_count"].max())
     )

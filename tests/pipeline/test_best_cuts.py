@@ -7,6 +7,7 @@ import xarray as xr
 from chatter_core.errors import InvalidInput
 from pipeline import report
 from pipeline.best_cuts import best_cuts, removal_rate, safe_depth
+from pipeline.figures import lobes_static_and_dynamic
 from pipeline.places import Folder
 from pipeline.settings import margins_of
 from tests.pipeline.studies import sweep
@@ -71,6 +72,18 @@ def test_a_speed_without_a_limit_is_recommended_only_where_none_can_have_been_mi
     doubted = best_cuts(study(limit, doubtful=np.flatnonzero(without))).iloc[0]
     assert doubted["spindle_speed"] * 0.98 > 13000.0
     assert doubted["axial_depth"] == pytest.approx(0.9, rel=1e-12)
+
+
+def test_a_picture_shows_as_stable_only_what_is_known_to_be():
+    """At 10000 rpm a cell has no result, at 12000 rpm a limit may have been missed, at 14000 rpm there is none."""
+    without = np.isin(SPEED, [10000.0, 12000.0, 14000.0])
+    hollow, doubtful = (np.flatnonzero(speed == SPEED) for speed in (10000.0, 12000.0))
+    lobes = study(np.where(without, np.nan, 1.0), hollow=hollow, doubtful=doubtful).assign(radial_stiffness=np.nan)
+    lobes.attrs = {"settings": {**SETTINGS, "grid": {"mode_selection": "up_to"}}}
+    (axes,) = lobes_static_and_dynamic(lobes, 100.0).axes
+    corners = np.concatenate([path.vertices for path in axes.collections[0].get_paths()])
+    deepest = {speed: corners[corners[:, 0] == speed, 1].max(initial=0.0) for speed in SPEED}
+    assert [deepest[speed] for speed in (9000.0, 10000.0, 12000.0, 14000.0)] == [1.0, 0.0, 0.0, 3.0]
 
 
 def test_margins_keep_free_of_the_boundary_at_all_speeds_nearby():

@@ -10,7 +10,7 @@ from chatter_core.errors import InvalidInput
 from pipeline import dataset, report, sensitivity
 from pipeline.by_value import by_value
 from pipeline.dataset_card import prose
-from pipeline.dataset_tables import inputs_table
+from pipeline.dataset_tables import inputs_table, stable_throughout
 from pipeline.kinds import Dataset
 from pipeline.places import DATASET as STORE
 from tests.pipeline.test_dataset import SMALL
@@ -40,6 +40,18 @@ def test_whole_numbers_stay_whole_in_tables_pages_and_choices(output):
     page = (output / "report.html").read_text()
     assert "teeth 2, radial_immersion 1, direction up" in page
     assert "teeth 2.0" not in page
+
+
+def test_a_cut_of_which_a_limit_may_have_been_missed_is_not_called_stable():
+    dims, arrays = (
+        ("machine", "cut", "spindle_speed"),
+        {"limit_depth": [1.0, np.nan, np.nan, np.nan], "limits_complete": [0, 1, 0, 1], "status": [1, 1, 1, 2]},
+    )
+    data = xr.Dataset(
+        {name: (dims, np.reshape(values, (1, 1, 4))) for name, values in arrays.items()},
+        attrs={"settings": {"design": {"deepest_mm": 4.0}}},
+    )
+    assert stable_throughout(data).tolist() == [[False, True, False, False]]
 
 
 def test_a_title_is_shown_as_it_was_written(output):

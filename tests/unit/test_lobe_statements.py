@@ -8,7 +8,7 @@ from chatter_core.variables import STATUS
 from pipeline.lobes import crossover_speeds, dominance, most_misjudged
 
 
-def lobes(dominant, *, static=None, dynamic=None, status=None):
+def lobes(dominant, *, static=None, dynamic=None, status=None, complete=1):
     """Return lobes of one preload and one number of modes at 1000, 2000, ... rpm."""
     speeds = 1000.0 * np.arange(1, len(dominant) + 1)
     kinds = ["dynamic"] if static is None else ["dynamic", "static"]
@@ -20,6 +20,7 @@ def lobes(dominant, *, static=None, dynamic=None, status=None):
         {
             "limit_dominant_mode": ((*outer, "crossing"), np.broadcast_to(dominant, shape)[..., None]),
             "limit_depth": ((*outer, "crossing"), limit[..., None]),
+            "limits_complete": (outer, np.broadcast_to(complete, shape)),
             "status": ((*outer, "axial_depth"), cells),
         },
         coords={"modal_parameters": kinds, "preload": [100.0], "mode_count": [4], "spindle_speed": speeds,
@@ -45,6 +46,13 @@ def test_static_lobes_mislead_most_where_the_ratio_is_largest():
     found = most_misjudged(lobes([4, 4, 4], static=[1.0, 4.0, np.nan], dynamic=[1.0, 1.0, 3.0]), 100.0, 4)
     # Above the grid counts as its last depth, 6 mm: twice at 3000 rpm, four times at 2000 rpm.
     assert (found.spindle_speed_rpm, found.static_limit_mm, found.dynamic_limit_mm) == pytest.approx((2000.0, 4.0, 1.0))
+
+
+def test_static_lobes_without_a_limit_mislead_only_where_none_can_have_been_missed():
+    # At 2000 rpm the static cut may chatter from the shallowest depth on: it promises nothing there.
+    mislead = {"static": [4.0, np.nan], "dynamic": [3.0, 1.0]}
+    assert most_misjudged(lobes([4, 4], **mislead), 100.0, 4).spindle_speed_rpm == 2000.0
+    assert most_misjudged(lobes([4, 4], **mislead, complete=[1, 0]), 100.0, 4).spindle_speed_rpm == 1000.0
 
 
 def test_speeds_without_a_result_do_not_mislead():
