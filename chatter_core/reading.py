@@ -139,7 +139,7 @@ def near_path(path: Path) -> str:
     if missing is None:
         return ""
     try:
-        names = sorted(entry.name for entry in missing.parent.iterdir())
+        names = sorted(entry.name for entry in missing.parent.iterdir() if entry != missing)
     except OSError:
         return ""
     close = difflib.get_close_matches(missing.name, names, n=1)
