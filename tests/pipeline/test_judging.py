@@ -168,6 +168,25 @@ def test_an_answer_is_not_put_into_a_store_or_where_links_lead_in_a_circle(tmp_p
 
 
 @every_verb
+def test_workers_that_cannot_be_started_are_told_of_and_nothing_stays(tmp_path, capsys, monkeypatch, quick, verb):
+    def failing(**_):
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr("pipeline.cluster.LocalCluster", failing)
+    assert main([verb, f"campaign={quick}", f"output={tmp_path / 'out'}", "cluster=local"]) == 1
+    assert "cluster: the workers could not be started: Nanny failed to start." in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@every_verb
+def test_a_folder_of_effects_that_is_none_is_refused_before_anything_is_begun(tmp_path, capsys, quick, verb):
+    words = (verb, f"campaign={quick}", f"output={tmp_path / 'out'}", SERIAL)
+    for folder in (quick / "machine.yaml", tmp_path / "nowhere"):
+        assert "is not a folder" in refused(capsys, *words, f"effects_path={folder}")
+    assert not (tmp_path / "out").exists()
+
+
+@every_verb
 def test_a_folder_in_use_is_left_alone(tmp_path, capsys, quick, verb):
     output = tmp_path / "out"
     output.mkdir()
