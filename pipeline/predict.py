@@ -31,7 +31,7 @@ def run(words: list[str]) -> int:
         trials, order = planned_trials(options.trials, campaign.machine)
         model = model_of(planned_campaign(campaign, trials), asked.content)
         found = predict_planned(model, asked.belief)
-    make_folder(options.predictions.parent)
+    make_folder(options.predictions.parent, "predictions")
     _write(options.predictions, table(trials, found).iloc[order].to_csv(index=False, float_format="%.8g"))
     failed = int((found.status != STATUS["ok"]).sum())
     chatter = int((found.margin > 0.0).sum())
@@ -47,6 +47,8 @@ def run(words: list[str]) -> int:
 def _refuse_loss(options: PredictOptions) -> None:
     """Raise InvalidInput where the answer would take the place of what was read."""
     place = options.predictions.resolve()
+    if place.is_dir():
+        raise InvalidInput([f"predictions: {options.predictions} is a folder; name a file"])
     if place == options.trials.resolve():
         raise InvalidInput([f"predictions: {options.predictions} is the table of trials itself; name another file"])
     measured = place.parent == options.campaign.resolve() and is_read(place.name)
