@@ -3,8 +3,10 @@
 An answer is written beside its place and then moved: a disk that fills up, or a signal, leaves what was there.
 """
 
+import os
 import shutil
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -50,6 +52,30 @@ def require_room(output: Path, names: Iterable[Path | str]) -> None:
             raise InvalidInput(
                 [f"output: {place.parent} is {found}, and a folder of the answer is called so; name another"]
             )
+
+
+@contextmanager
+def told_where(path: Path, named: str = "output") -> Iterator[None]:
+    """Have an error of what is written told with its path; named: by which word people named it."""
+    try:
+        yield
+    except OSError as error:
+        raise InvalidInput([f"{named}: {path} cannot be written: {error.strerror or error}"]) from None
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file beside its place and move it there: what fails halfway leaves what was there before."""
+    if path.exists() and not path.is_file():
+        # A pipe or a terminal; whatever else it is says so itself.
+        path.write_text(text, encoding="utf-8")
+        return
+    place = path.resolve()
+    beside = place.with_name(f".{place.name}.{os.getpid()}")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        beside.replace(place)
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def write_whole(write: Callable[[Path], list[Path]], output: Path) -> list[Path]:
