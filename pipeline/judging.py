@@ -104,7 +104,7 @@ def _campaign_of(document: Path) -> str | None:
     """Return the campaign that a document speaks of, None where there is none that can be read."""
     try:
         return str(json.loads(document.read_text(encoding="utf-8"))["campaign"])
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
 

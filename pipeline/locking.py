@@ -40,7 +40,7 @@ def locked(output: Path) -> Iterator[None]:
         try:
             said = json.loads(holder.read_text())
             who = f"process {said['pid']} on {said['host']} since {said['since']}"
-        except (OSError, ValueError, KeyError):
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
             who = "another process"
         raise StoreInUse(f"{output}: in use by {who}; wait for it, or choose another folder with output=DIR") from None
     except OSError as error:

@@ -191,6 +191,12 @@ def test_a_folder_in_use_is_left_alone(tmp_path, capsys, quick, verb):
     output = tmp_path / "out"
     output.mkdir()
     with locked(output):
+        said = (output / "lock.json").read_text()
+        for text in ("[]", "[" * 100_000):
+            (output / "lock.json").write_text(text)
+            assert main([verb, f"campaign={quick}", f"output={output}", SERIAL]) == 3
+        assert "in use by another process" in capsys.readouterr().err
+        (output / "lock.json").write_text(said)
         assert main([verb, f"campaign={quick}", f"output={output}", SERIAL]) == 3
         assert (output / "lock.json").exists()
     assert f"in use by process {os.getpid()}" in capsys.readouterr().err
