@@ -15,6 +15,8 @@ from chatter_core.machine import Machine
 LARGEST_FILE = 1_000_000
 #: Levels of lists and keys in one another; a machine has four.
 DEEPEST = 20
+#: Around the names that findings repeat.
+_QUOTE = "'"
 
 
 class _PlainLoader(yaml.SafeLoader):
@@ -139,7 +141,7 @@ def near_path(path: Path) -> str:
     if missing is None:
         return ""
     try:
-        names = sorted(entry.name for entry in missing.parent.iterdir())
+        names = sorted(entry.name for entry in missing.parent.iterdir() if entry != missing)
     except OSError:
         return ""
     close = difflib.get_close_matches(missing.name, names, n=1)
@@ -171,6 +173,10 @@ def _allowed(kind: str, context: dict[str, Any], message: str) -> str:
     if kind in bounds:
         words, key = bounds[kind]
         return f"{words} {context[key]}"
+    if kind == "union_tag_invalid":
+        return f"{context['discriminator'].strip(_QUOTE)}: one of {context['expected_tags']}"
+    if kind == "union_tag_not_found":
+        return f"keys and values, {context['discriminator'].strip(_QUOTE)} among them"
     if kind.startswith("int"):
         return "a whole number"
     if kind.startswith(("float", "finite")):

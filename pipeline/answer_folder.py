@@ -1,15 +1,95 @@
-"""Writing an answer beside its place and then moving it: a disk that fills up, or a signal, leaves what was there."""
+"""Folders that hold an answer: whose they are, and how an answer takes the place of an earlier one.
 
-from collections.abc import Callable
+An answer is written beside its place and then moved: a disk that fills up, or a signal, leaves what was there.
+"""
+
+import os
+import shutil
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from chatter_core.errors import InvalidInput
+from pipeline.places import STORES
+from pipeline.places.address import POINTER
+from pipeline.places.folder import UNPACKED
+
+#: What every answer has for people.
+PAGE = "report.html"
+#: Beginning of the names of folders in which answers are written.
+BESIDE = ".writing-"
+#: What only the folder of a study holds.
+OF_A_STUDY = (*STORES, *(f"{UNPACKED}{store}" for store in STORES), POINTER)
+
+
+def refuse_foreign(output: Path, mark: str, others: Collection[str] = ()) -> None:
+    """Raise InvalidInput where a folder holds something else than an earlier answer of the same verb.
+
+    mark: file that lies beside the page in all answers of the verb; others: files that lie in those of others alone.
+    """
+    if any((output / name).exists() for name in OF_A_STUDY) or {*STORES} & {*output.resolve().parts}:
+        raise InvalidInput([f"output: {output} is the folder of a study; name another"])
+    foreign = [name for name in others if (output / name).exists()]
+    foreign += [PAGE] if (output / PAGE).exists() and not (output / mark).exists() else []
+    if foreign:
+        raise InvalidInput(
+            [f"output: {output} holds a {foreign[0]} that another verb has written; name another folder"]
+        )
+
+
+def require_room(output: Path, names: Iterable[Path | str]) -> None:
+    """Raise InvalidInput where something that is no file stands in the place of a file of an answer."""
+    for place in [output / name for name in names]:
+        if place.is_dir():
+            raise InvalidInput([f"output: {place} is a folder, and a file of the answer is called so; name another"])
+        if (
+            place.parent != output
+            and place.parent.exists()
+            and (not place.parent.is_dir() or place.parent.is_symlink())
+        ):
+            found = "a link" if place.parent.is_symlink() else "no folder"
+            raise InvalidInput(
+                [f"output: {place.parent} is {found}, and a folder of the answer is called so; name another"]
+            )
+
+
+@contextmanager
+def told_where(path: Path, named: str = "output") -> Iterator[None]:
+    """Have an error of what is written told with its path; named: by which word people named it."""
+    try:
+        yield
+    except OSError as error:
+        raise InvalidInput([f"{named}: {path} cannot be written: {error.strerror or error}"]) from None
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file beside its place and move it there: what fails halfway leaves what was there before."""
+    if path.exists() and not path.is_file():
+        # A pipe or a terminal; whatever else it is says so itself.
+        path.write_text(text, encoding="utf-8")
+        return
+    place = path.resolve()
+    beside = place.with_name(f".{place.name}.{os.getpid()}")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        beside.replace(place)
+    finally:
+        beside.unlink(missing_ok=True)
+
 
 def write_whole(write: Callable[[Path], list[Path]], output: Path) -> list[Path]:
-    """Leave files in a folder, all or none; write: puts them into the folder it is given and returns their paths."""
-    with TemporaryDirectory(prefix=".writing-", dir=output) as folder:
+    """Leave files in a folder that this run holds, all or none; return their paths.
+
+    write: puts them into the folder it is given and returns their paths. Raises InvalidInput where one has no room.
+    """
+    # What a run that was killed had begun; nobody else writes here now.
+    for left in output.glob(f"{BESIDE}*"):
+        shutil.rmtree(left)
+    with TemporaryDirectory(prefix=BESIDE, dir=output) as folder:
         beside = Path(folder)
         names = [path.relative_to(beside) for path in write(beside)]
+        require_room(output, names)
         for name in names:
             (output / name).parent.mkdir(exist_ok=True)
             (beside / name).replace(output / name)

@@ -174,6 +174,23 @@ def open_client(cluster: Cluster, stopping: Callable[[], bool] = lambda: False) 
         yield client
 
 
+def _started_here(processes: bool, count: int) -> LocalCluster:
+    """Return workers that have been started on this machine; raise WorkersLost where they could not be."""
+    try:
+        return LocalCluster(
+            n_workers=count if processes else 1,
+            threads_per_worker=1 if processes else count,
+            processes=processes,
+            # Any free port of this machine alone: nothing is open to others, and runs do not collide.
+            dashboard_address=LOOPBACK,
+            worker_dashboard_address=LOOPBACK,
+            **({"host": "127.0.0.1"} if processes else {}),  # threads speak without a network
+            silence_logs=logging.CRITICAL,
+        )
+    except RuntimeError as error:
+        raise WorkersLost(f"cluster: the workers could not be started: {error}") from error
+
+
 @contextmanager
 def _local(cluster: Cluster) -> Iterator[Client]:
     """Yield a client of threads or worker processes on this machine."""
@@ -181,19 +198,7 @@ def _local(cluster: Cluster) -> Iterator[Client]:
     count = cluster.workers or dask.system.CPU_COUNT
     with ExitStack() as started:
         with _starting_deaf():
-            local = started.enter_context(
-                LocalCluster(
-                    n_workers=count if processes else 1,
-                    threads_per_worker=1 if processes else count,
-                    processes=processes,
-                    # Any free port of this machine alone: nothing is open to others, and runs do not collide.
-                    dashboard_address=LOOPBACK,
-                    worker_dashboard_address=LOOPBACK,
-                    **({"host": "127.0.0.1"} if processes else {}),  # threads speak without a network
-                    silence_logs=logging.CRITICAL,
-                )
-            )
-            client = started.enter_context(Client(local))
+            client = started.enter_context(Client(started.enter_context(_started_here(processes, count))))
         if processes:
             client.register_plugin(DeafToTerminals())
         yield client

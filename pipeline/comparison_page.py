@@ -7,6 +7,7 @@ from typing import Any
 from chatter_core.evidence.assessment import Assessment
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
 from pipeline import comparison_document, comparison_figures, page
+from pipeline.answer_folder import PAGE
 from pipeline.comparison_plots import comparison_plots
 from pipeline.plots import Embedded, embed
 
@@ -27,7 +28,6 @@ PLOTTED = {
     "red where wrongly.",
     "receptances": "Predictions hold the sensor's fitted gain, phase and frequency scale.",
 }
-PAGE = "report.html"
 #: Everything that there may be to write.
 FILES = (
     comparison_document.DOCUMENT,

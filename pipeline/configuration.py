@@ -144,7 +144,7 @@ def compose_settings(
     if words.name_the_preload and "grid" in data:
         # It takes the place of a shipped grid's list, which would hide it.
         data["grid"].pop("preload_n", None)
-    own = Path(words.options[EFFECTS_PATH]).resolve() if EFFECTS_PATH in words.options else None
+    own = _own_folder(words)
     said = words.options.get(EFFECTS, json.dumps(data.get(EFFECTS) or []))
     named = named_effects(said, own)
     data[EFFECTS] = {name: configured_values(name, own) for name in named}
@@ -164,6 +164,15 @@ def compose_settings(
     if problems:
         raise InvalidInput(problems)
     return settings
+
+
+def _own_folder(words: Words) -> Path | None:
+    """Return the folder of effects that words name; raise InvalidInput where it is none, whether one is on or not."""
+    if EFFECTS_PATH not in words.options:
+        return None
+    folder = Path(words.options[EFFECTS_PATH]).resolve()
+    own_effects(folder)
+    return folder
 
 
 def _why_off(name: str, known: tuple[str, ...]) -> str:

@@ -4,11 +4,12 @@ from pathlib import Path
 
 from chatter_core.evidence.ranking import NOTHING
 from pipeline import diagnosis_document, diagnosis_figures, page
+from pipeline.answer_folder import PAGE
 from pipeline.comparison_page import PLOTTED, plots_of
 from pipeline.diagnosis import Diagnosis
 from pipeline.diagnosis_document import outcome_error
 
-PAGE, FOLDER = "report.html", "figures"
+FOLDER = "figures"
 CAPTIONS = {
     "ranking": "Probability of each effect and of nothing missing, and the evidence for it.",
     "corrections": "What the measurements want to change: the factor of a quantity as described, with its band, over "

@@ -199,7 +199,7 @@ def _compute(
                     still_held()
                     _note(journal, record, kind.entry)
                     meter.advance(every.cells(record.chunk))
-        except (RuntimeError, OSError) as error:
+        except (WorkersLost, RuntimeError, OSError) as error:
             # A signal that went to the whole process group may have taken the workers along.
             if not stopping.number and isinstance(error, RuntimeError):
                 raise WorkersLost(f"cluster: the workers could not be started: {error}") from error

@@ -19,6 +19,7 @@ from chatter_core.machine import Machine, TipMode
 from chatter_core.tip import AXES
 from chatter_core.units import si_factor
 from pipeline import identify_figure
+from pipeline.answer_folder import told_where, write_text
 from pipeline.campaigns import remarks
 from pipeline.configuration import Words, compose_settings, sort_words
 from pipeline.locking import make_folder
@@ -52,8 +53,9 @@ def run(words: list[str]) -> int:
         problems = [problem.replace("mode_count:", "modes:", 1) for problem in error.problems]
         raise InvalidInput([f"{source}: {problem}" for problem in problems]) from None
     make_folder(options.output.parent)
-    options.output.write_text(machine_file(found, rest, source.resolve().name), encoding="utf-8")
-    pictures = identify_figure.write(found, options.output)
+    with told_where(options.output):
+        write_text(options.output, machine_file(found, rest, source.resolve().name))
+        pictures = identify_figure.write(found, options.output)
     say(f"{table(found)}\n")
     for line in _remarks(found, rest):
         remark(line)

@@ -99,7 +99,7 @@ def _event(line: str) -> Event | None:
             return None
     try:
         return dict(json.loads(told))
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, RecursionError):
         return None
 
 

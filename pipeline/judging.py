@@ -1,6 +1,7 @@
 """The steps of a verb that judges a model by a campaign: read, compute, and leave an answer in a folder.
 
-An answer never takes the place of what was measured, of what is read, or of what was said of another campaign.
+An answer never takes the place of what was measured, of what is read, of a study, or of what another verb, or of
+another campaign, was said.
 """
 
 import json
@@ -15,7 +16,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.evidence import CampaignModel
 from chatter_core.reading import shown
 from pipeline import comparison_document, diagnosis_document
-from pipeline.answer_folder import write_whole
+from pipeline.answer_folder import refuse_foreign, require_room, write_whole
 from pipeline.campaigns import Asked, options_of, read
 from pipeline.cluster import Workers, open_client
 from pipeline.configuration import sort_words
@@ -31,20 +32,23 @@ Found = TypeVar("Found")
 MODEL = "model.yaml"
 #: Documents by which a folder says of which campaign its answer is.
 DOCUMENTS = (comparison_document.DOCUMENT, diagnosis_document.DOCUMENT)
+#: Files by which a folder says of which verb its answer is.
+MARKS = (*DOCUMENTS, diagnosis_document.HISTORY)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Verb(Generic[Found]):
     """A verb that judges a model by a campaign.
 
-    options: what it takes; files: all that its answers may consist of; check: raises InvalidInput where a
-    campaign is not enough; compute: the answer; write: puts it into a folder and returns the paths; summary: for a
-    terminal; facts: for scripts, with the campaign's name in them; lost: how many data the answer's model has nothing
-    to say of.
+    options: what it takes; files: all that its answers may consist of; mark: the one of them that tells them from
+    those of other verbs; check: raises InvalidInput where a campaign is not enough; compute: the answer; write: puts it
+    into a folder and returns the paths; summary: for a terminal; facts: for scripts, with the campaign's name in them;
+    lost: how many data the answer's model has nothing to say of.
     """
 
     options: type[JudgingOptions]
     files: tuple[str, ...]
+    mark: str
     check: Callable[[CampaignModel], None]
     compute: Callable[[Workers | None, Asked], Found]
     write: Callable[[Found, Asked, Path], list[Path]]
@@ -65,7 +69,7 @@ def run(verb: Verb[Found], words: list[str]) -> int:
         asked = read(options, sorted_words)
         verb.check(asked.model)
         output = options.output or Path("results") / f"{options.verb()}-{asked.name}"
-        _refuse_loss(verb.files, output, options, asked)
+        _refuse_loss(verb, output, options, asked)
         with held_for_results(output):
             with open_client(asked.cluster) as client:
                 workers = None if client is None else Workers(client, asked.cluster.patience, NOT_KEPT)
@@ -80,25 +84,27 @@ def run(verb: Verb[Found], words: list[str]) -> int:
     return 1 if lost else 0
 
 
-def _refuse_loss(files: tuple[str, ...], output: Path, options: JudgingOptions, asked: Asked) -> None:
+def _refuse_loss(verb: Verb[Found], output: Path, options: JudgingOptions, asked: Asked) -> None:
     """Raise InvalidInput where the answer would take the place of what is read, or of another campaign's answer."""
     if output.resolve() == options.campaign.resolve():
         raise InvalidInput([f"output: {output} is the folder of the campaign itself; name another"])
     if asked.content.effects_path == output.resolve():
         raise InvalidInput([f"output: {output} is the folder of the effects; name another"])
-    if options.model is not None and options.model.resolve() in [(output / file).resolve() for file in files]:
+    if options.model is not None and options.model.resolve() in [(output / file).resolve() for file in verb.files]:
         raise InvalidInput([f"output: {output} holds the model that is read; name another folder"])
     for document in DOCUMENTS:
         before = _campaign_of(output / document)
         if before not in (None, asked.name):
             raise InvalidInput([f"output: {output} holds the answer for campaign {shown(before)}; name another folder"])
+    refuse_foreign(output, verb.mark, [mark for mark in MARKS if mark not in verb.files])
+    require_room(output, verb.files)
 
 
 def _campaign_of(document: Path) -> str | None:
     """Return the campaign that a document speaks of, None where there is none that can be read."""
     try:
         return str(json.loads(document.read_text(encoding="utf-8"))["campaign"])
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
 

@@ -18,14 +18,14 @@ from pipeline.errors import StoreInUse
 NO_LOCKS = {errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK}
 
 
-def make_folder(output: Path) -> None:
-    """Make a folder for results; raise InvalidInput when it cannot be one."""
+def make_folder(output: Path, named: str = "output") -> None:
+    """Make a folder for results; raise InvalidInput when it cannot be one. named: by which word people named it."""
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InvalidInput([f"output: {str(output)[:200]} cannot be used as a folder: {error.strerror}"]) from None
+        raise InvalidInput([f"{named}: {str(output)[:200]} cannot be used as a folder: {error.strerror}"]) from None
     if not os.access(output, os.W_OK | os.X_OK):
-        raise InvalidInput([f"output: {output} cannot be written: Permission denied"])
+        raise InvalidInput([f"{named}: {output} cannot be written: Permission denied"])
 
 
 @contextmanager
@@ -40,7 +40,7 @@ def locked(output: Path) -> Iterator[None]:
         try:
             said = json.loads(holder.read_text())
             who = f"process {said['pid']} on {said['host']} since {said['since']}"
-        except (OSError, ValueError, KeyError):
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
             who = "another process"
         raise StoreInUse(f"{output}: in use by {who}; wait for it, or choose another folder with output=DIR") from None
     except OSError as error:

@@ -134,7 +134,7 @@ def _intact(text: bytes | None) -> dict[str, Any] | None:
     try:
         document: dict[str, Any] = json.loads(text or b"")
         return document if text == _sealed(document) else None
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         return None
 
 

@@ -17,6 +17,7 @@ from chatter_core.machine import Machine
 from chatter_core.units import SUFFIXES
 from chatter_core.variables import STRUCTURE
 from pipeline import execution, paper_figures, store
+from pipeline.answer_folder import write_text
 from pipeline.configuration import Words, compose_settings, sort_words
 from pipeline.findings import HIGH_SPEED, LOW_SPEED, Evidence, Finding, computing_time, findings
 from pipeline.locking import make_folder
@@ -82,7 +83,7 @@ def run(words: list[str]) -> int:
     found = findings(evidence)
     pictures = paper_figures.write(evidence, output / "figures")
     page = output / "paper.md"
-    page.write_text(table(found, computing_time(evidence), pictures), encoding="utf-8")
+    write_text(page, table(found, computing_time(evidence), pictures))
     for finding in found:
         say(f"{finding.name:7} {finding.holds:8} {finding.found}")
     fact(findings=[{"name": one.name, "holds": one.holds, "found": one.found} for one in found])

@@ -15,6 +15,7 @@ from chatter_core.stages import Stages, stages_of
 from chatter_core.tip import AXES, most_modes
 from chatter_core.units import si_factor
 from chatter_core.variables import BIFURCATION, STATUS
+from pipeline.answer_folder import told_where, write_text
 from pipeline.configuration import BASES, compose_settings, sort_words
 from pipeline.locking import make_folder
 from pipeline.telling import complain, fact, say, wrote
@@ -47,7 +48,8 @@ def run(words: list[str]) -> int:
     say(_readable(answer, options))
     if options.output is not None:
         file = options.output / "point.json"
-        file.write_text(json.dumps(answer, indent=2) + "\n")
+        with told_where(file):
+            write_text(file, json.dumps(answer, indent=2) + "\n")
         wrote([file])
     if answer["status"] != "ok":
         complain(f"no result at this point, status {answer['status']}: {answer['reason']}")

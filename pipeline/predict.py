@@ -1,8 +1,5 @@
 """What a model says of cuts that are planned: their table, with what is predicted beside it."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
@@ -13,6 +10,7 @@ from chatter_core.evidence.measured import DIRECTIONS, PLANNED, Trials
 from chatter_core.evidence.planned import PlannedCuts, planned_campaign, predict_planned
 from chatter_core.units import si_factor
 from chatter_core.variables import STATUS
+from pipeline.answer_folder import told_where, write_text
 from pipeline.campaigns import model_of, options_of, read
 from pipeline.configuration import sort_words
 from pipeline.locking import make_folder
@@ -31,8 +29,10 @@ def run(words: list[str]) -> int:
         trials, order = planned_trials(options.trials, campaign.machine)
         model = model_of(planned_campaign(campaign, trials), asked.content)
         found = predict_planned(model, asked.belief)
-    make_folder(options.predictions.parent)
-    _write(options.predictions, table(trials, found).iloc[order].to_csv(index=False, float_format="%.8g"))
+    make_folder(options.predictions.parent, "predictions")
+    text = table(trials, found).iloc[order].to_csv(index=False, float_format="%.8g")
+    with told_where(options.predictions, "predictions"):
+        write_text(options.predictions, text)
     failed = int((found.status != STATUS["ok"]).sum())
     chatter = int((found.margin > 0.0).sum())
     stable = len(trials) - chatter - failed
@@ -47,28 +47,13 @@ def run(words: list[str]) -> int:
 def _refuse_loss(options: PredictOptions) -> None:
     """Raise InvalidInput where the answer would take the place of what was read."""
     place = options.predictions.resolve()
+    if place.is_dir():
+        raise InvalidInput([f"predictions: {options.predictions} is a folder; name a file"])
     if place == options.trials.resolve():
         raise InvalidInput([f"predictions: {options.predictions} is the table of trials itself; name another file"])
     measured = place.parent == options.campaign.resolve() and is_read(place.name)
     if measured or (options.model is not None and place == options.model.resolve()):
         raise InvalidInput([f"predictions: {options.predictions} is read for the prediction; name another file"])
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a table beside its place and move it there: what fails halfway leaves what was there before."""
-    if path.exists() and not path.is_file():
-        # A pipe or a terminal; whatever else it is says so itself.
-        path.write_text(text, encoding="utf-8")
-        return
-    place = path.resolve()
-    beside = place.with_name(f".{place.name}.{os.getpid()}")
-    try:
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(place)
-    except OSError as error:
-        raise InvalidInput([f"predictions: {path} cannot be written: {error.strerror or error}"]) from None
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def table(trials: Trials, found: PlannedCuts) -> pd.DataFrame:

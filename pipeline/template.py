@@ -3,6 +3,7 @@
 All of it is written from the declarations that the reader checks against.
 """
 
+from pathlib import Path
 from typing import Any, get_origin
 
 import yaml
@@ -15,6 +16,7 @@ from chatter_core.evidence.columns import Table, column_like
 from chatter_core.evidence.measured import TABLES
 from chatter_core.machine import Machine
 from chatter_core.reading import inner_model
+from pipeline.answer_folder import told_where, write_whole
 from pipeline.configuration import compose_settings, sort_words
 from pipeline.locking import make_folder
 from pipeline.telling import program, wrote
@@ -71,10 +73,16 @@ def run(words: list[str]) -> int:
     contents = {MACHINE_FILE: HEAD + "\n".join(_keys(Machine, machine.described(), "")) + "\n"}
     contents |= {table.file: ",".join(column.key for column in table.columns) + "\n" for table in TABLES}
     contents["README.txt"] = README_HEAD + "".join(_explained(table) for table in TABLES) + README_END
-    for name, text in contents.items():
-        (output / name).write_text(text, encoding="utf-8")
-    wrote(output / name for name in contents)
+    with told_where(output):
+        wrote(write_whole(lambda folder: _written(contents, folder), output))
     return 0
+
+
+def _written(contents: dict[str, str], folder: Path) -> list[Path]:
+    """Write files into a folder, and return their paths."""
+    for name, text in contents.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return [folder / name for name in contents]
 
 
 def _keys(model: type[BaseModel], values: dict[str, Any], indent: str) -> list[str]:

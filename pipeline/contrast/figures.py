@@ -10,6 +10,8 @@ from pipeline.contrast.lines import STUDIES
 from pipeline.contrast.plots import BAND, shown_lines
 from pipeline.figures import COLOURS
 
+#: The file.
+NAME = "contrast.png"
 STYLES = ("-", "--")
 
 
@@ -36,5 +38,5 @@ def write(found: Contrast, folder: Path) -> list[Path]:
     ratios.set_xlabel("spindle speed [rpm]")
     ratios.set_ylabel("second over first")
     ratios.legend(frameon=False, fontsize=8)
-    drawn.savefig(folder / "contrast.png", dpi=150)
-    return [folder / "contrast.png"]
+    drawn.savefig(folder / NAME, dpi=150)
+    return [folder / NAME]

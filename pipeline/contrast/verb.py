@@ -3,17 +3,21 @@
 from pathlib import Path
 
 from chatter_core.errors import InvalidInput
-from pipeline.answer_folder import write_whole
+from pipeline.answer_folder import PAGE, refuse_foreign, write_whole
 from pipeline.configuration import sort_words
 from pipeline.contrast import figures, findings, page, tables
 from pipeline.contrast.contrasted import Contrast, contrast
 from pipeline.contrast.lines import STUDIES, read
 from pipeline.locking import held_for_results
-from pipeline.places import STORES, Place
+from pipeline.places import Place
 from pipeline.settings import Margins
 from pipeline.study_place import foreign_words, study_in
 from pipeline.telling import fact, say, wrote
 from pipeline.verbs.stores import ContrastOptions
+
+#: Files of an answer: its page, folders, and the file that no other verb's answer has.
+TABLES, FIGURES = "tables", "figures"
+MARK = f"{FIGURES}/{figures.NAME}"
 
 
 def run(words: list[str]) -> int:
@@ -29,7 +33,7 @@ def run(words: list[str]) -> int:
     margins = Margins.model_validate(options.margins)
     places = [_study(name, getattr(options, name)) for name in STUDIES]
     output = options.output or Path("results") / f"contrast-{'-'.join(map(_short, places))}"
-    _refuse_loss(output)
+    refuse_foreign(output, MARK)
     both = contrast(*(read(place, margins.said) for place in places))
     with held_for_results(output):
         written = write_whole(lambda folder: _write(both, margins, folder), output)
@@ -50,12 +54,6 @@ def _short(place: Place) -> str:
     return place.option.rstrip("/").replace("=", "/").rsplit("/", 1)[-1].strip(".") or "here"
 
 
-def _refuse_loss(output: Path) -> None:
-    """Raise InvalidInput where the answer would be written into the folder of a study."""
-    if any((output / store).exists() for store in STORES):
-        raise InvalidInput([f"output: {output} is the folder of a study; name another"])
-
-
 def _write(found: Contrast, margins: Margins, output: Path) -> list[Path]:
-    made = tables.write(found, output / "tables") + figures.write(found, output / "figures")
-    return [*made, page.write(output / "report.html", found, margins, made)]
+    made = tables.write(found, output / TABLES) + figures.write(found, output / FIGURES)
+    return [*made, page.write(output / PAGE, found, margins, made)]

@@ -187,6 +187,8 @@ class Choice(Distribution):
     def _numbers_or_words(cls, given: Any) -> Any:
         for one in given if isinstance(given, list | tuple) else []:
             no_truth_value(one)
+            if not isinstance(one, int | float | str):
+                raise ValueError(f"found {shown(one)}, allowed: numbers or words")
             if isinstance(one, int | float) and not abs(one) <= MOST:
                 raise ValueError(f"found {shown(one)}, allowed: numbers of at most {MOST:g}, or words")
         return given

@@ -4,8 +4,9 @@ import math
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from chatter_core.reading import shown
 from pipeline.design.distributions import Choice, Integer, LogUniform, Normal, Uniform
 from pipeline.design.expressions import formula
 from pipeline.keys import parts_of
@@ -15,7 +16,19 @@ from pipeline.settings import Axis, Part
 Varied = Annotated[Uniform | LogUniform | Normal | Integer | Choice, Field(discriminator="distribution")]
 #: Parts of a description that a cut is: whatever they say, the machine's modes stay the same.
 CUT_PARTS = ("tool", "cutting", "process")
-Words = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]{1,200}$")]
+#: Longest words about a data set.
+LONGEST = 200
+
+
+def _in_one_line(words: str) -> str:
+    """Return words as they are; raise ValueError where a card could not hold them."""
+    if not 1 <= len(words) <= LONGEST or any(ord(letter) < ord(" ") or letter == "\x7f" for letter in words):
+        allowed = f"1 to {LONGEST} letters, no end of a line or other control character"
+        raise ValueError(f"found {shown(words)}, allowed: {allowed}")
+    return words
+
+
+Words = Annotated[str, AfterValidator(_in_one_line)]
 #: Limits of a design's size.
 MOST_MACHINES, MOST_CUTS, MOST_RULES = 1_000_000, 10_000, 200
 #: Cuts times speeds of a machine, which are computed and written together.

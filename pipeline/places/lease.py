@@ -176,7 +176,7 @@ class Lease:
             return None
         try:
             said = dict(json.loads(content))
-        except (ValueError, TypeError):
+        except (ValueError, TypeError, RecursionError):
             said = {}
         return _Lock(said=said, tag=str(meta["e_tag"]), written=meta["last_modified"])
 

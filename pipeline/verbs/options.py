@@ -1,11 +1,13 @@
 """What options of a verb are: declared once, for the verb, its help, completion and documentation."""
 
+import errno
 import inspect
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator
 from pydantic.fields import FieldInfo
 
 from chatter_core.errors import InvalidInput
@@ -53,6 +55,18 @@ class Options(BaseModel):
         default="text", description="json: standard output holds one JSON object alone"
     )
     quiet: Truth = Field(default="false", description="true: nothing is told but errors, and the exit code")
+
+    @field_validator("*")
+    @classmethod
+    def _leads_somewhere(cls, said: Any) -> Any:
+        """Refuse a path that is none: whoever asks where it leads would get no answer."""
+        try:
+            if isinstance(said, Path):
+                os.stat(said)
+        except OSError as error:
+            if error.errno == errno.ELOOP:
+                raise ValueError(f"symbolic links lead in a circle: {said}") from None
+        return said
 
     @classmethod
     def fields(cls) -> dict[str, FieldInfo]:

@@ -227,6 +227,9 @@ def test_predictions_are_not_written_over_what_was_read(tmp_path, capsys, down_m
         assert "is read for the prediction" in said
     assert {path: path.read_bytes() for path in before} == before
     assert set(campaign.iterdir()) | {model, file} == set(before)
+    words = ("predict", *words, f"trials={file}")
+    assert f"predictions: {tmp_path} is a folder" in refused(capsys, *words, f"predictions={tmp_path}")
+    assert f"predictions: {file} cannot be used as a folder" in refused(capsys, *words, f"predictions={file / 'x.csv'}")
 
 
 @pytest.mark.parametrize(("number", "kind"), [(signal.SIGTERM, "serial"), (signal.SIGINT, "local")])

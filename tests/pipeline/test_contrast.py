@@ -247,6 +247,13 @@ def test_studies_of_two_kinds_are_refused_and_no_study_is_written_over(datasets,
     assert "first is a data set, second a sweep" in capsys.readouterr().err
     assert main(["contrast", first, f"second={datasets / 'second'}", f"output={datasets / 'first'}"]) == 2
     assert "is the folder of a study; name another" in capsys.readouterr().err
+    in_store = f"output={datasets / 'first' / STORE / 'answer'}"
+    assert main(["contrast", first, f"second={datasets / 'second'}", in_store]) == 2
+    assert "is the folder of a study; name another" in capsys.readouterr().err
+    (doubled / "other").mkdir()
+    (doubled / "other" / "report.html").write_text("mine")
+    assert main(["contrast", first, f"second={datasets / 'second'}", f"output={doubled / 'other'}"]) == 2
+    assert "holds a report.html that another verb has written" in capsys.readouterr().err
     assert main(["contrast", first, "study=smoke"]) == 2
     told = capsys.readouterr().err
     assert "second: missing" in told

@@ -1,5 +1,6 @@
 """A disk that runs full: the run ends in words, nothing is lost, and it goes on once there is room."""
 
+import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,8 +9,9 @@ import pytest
 import xarray as xr
 
 from pipeline import report
+from pipeline.__main__ import main
 from pipeline.errors import StorageFailed
-from tests.pipeline.studies import CHUNKS, journal, lobes, sweep
+from tests.pipeline.studies import CHUNKS, ROOT, journal, lobes, sweep
 
 #: Room for the frame of the small study and some of its chunks, and for all of it [KiB].
 SCANT, ENOUGH = 768, 16384
@@ -33,6 +35,33 @@ def disk(tmp_path: Path) -> Iterator[Path]:
         pytest.skip(f"needs a disk that can be filled: mounting a tmpfs takes root ({error})")
     yield place
     subprocess.run(["umount", "--lazy", str(place)], check=True)
+
+
+@pytest.mark.parametrize(
+    ("words", "file"),
+    [
+        (["identify", f"campaign={ROOT / 'tests' / 'data' / 'campaigns' / 'd04'}"], "machine_tip.yaml"),
+        (["point", "spindle_speed_rpm=12000", "axial_depth_mm=1"], "point.json"),
+        (["template"], None),
+    ],
+)
+def test_a_file_that_finds_no_room_leaves_what_was_there(
+    disk: Path, capsys: pytest.CaptureFixture[str], words: list[str], file: str | None
+) -> None:
+    if file is not None:
+        (disk / file).write_text("mine")
+    place = disk / "new" if file is None else disk / file if words[0] == "identify" else disk
+    (disk / "filling").write_bytes(bytes(shutil.disk_usage(disk).free))
+    before = {path.name for path in disk.iterdir()}
+    assert main([*words, f"output={place}"]) == 2
+    told = capsys.readouterr().err
+    assert f"output: {place}" in told
+    assert "No space left on device" in told
+    if file is not None:
+        assert (disk / file).read_text() == "mine"
+        assert {path.name for path in disk.iterdir()} == before
+    (disk / "filling").unlink()
+    assert main([*words, f"output={place}"]) == 0
 
 
 @pytest.mark.parametrize("cluster", [("cluster=serial",), ("cluster=local", "cluster.workers=2")])

@@ -24,6 +24,8 @@ FILES = {
 }
 #: Those of which an answer to a campaign with cuts may have one, and an answer to this one has none.
 OTHERS = {"compare": "trials.csv", "diagnose": "figures/lobes.png", "improve": "figures/receptances.png"}
+#: That by which an answer of a verb is known.
+MARKS = {"compare": "comparison.json", "diagnose": "diagnosis.json", "improve": "history.csv"}
 every_verb = pytest.mark.parametrize("verb", list(FILES))
 
 
@@ -53,8 +55,10 @@ def files_in(folder):
 def test_an_answer_takes_the_place_of_an_earlier_one_and_of_nothing_else(tmp_path, capsys, quick, verb):
     output = tmp_path / "out"
     (output / "figures").mkdir(parents=True)
-    for name in ("report.html", OTHERS[verb], "notes.txt"):
+    for name in ("report.html", OTHERS[verb], MARKS[verb], "notes.txt"):
         (output / name).write_text("earlier")
+    # What a run has left that was killed while it wrote.
+    (output / ".writing-abc" / "figures").mkdir(parents=True)
     # Of a mode that the machine has not there is no answer, and the exit code says so.
     assert main([verb, f"campaign={quick}", f"output={output}", SERIAL]) == 1
     assert "no answer for 1 data" in capsys.readouterr().err
@@ -112,10 +116,74 @@ def test_what_cannot_be_written_leaves_what_was_there(tmp_path, capsys, monkeypa
     assert f"output: {new} cannot be written: No space left on device" in capsys.readouterr().err
     assert not new.parent.exists()
     (tmp_path / "old").mkdir()
-    (tmp_path / "old" / "report.html").write_text("earlier")
+    for name in ("report.html", MARKS[verb]):
+        (tmp_path / "old" / name).write_text("earlier")
     assert main([*words, f"output={tmp_path / 'old'}"]) == 2
-    assert {path.name for path in (tmp_path / "old").iterdir()} == {".lock", "report.html"}
+    assert {path.name for path in (tmp_path / "old").iterdir()} == {".lock", "report.html", MARKS[verb]}
     assert (tmp_path / "old" / "report.html").read_text() == "earlier"
+
+
+@every_verb
+@pytest.mark.parametrize(
+    ("held", "told"),
+    [
+        ("lobes.zarr/zarr.json", "is the folder of a study"),
+        ("unpacked-dataset.zarr/zarr.json", "is the folder of a study"),
+        ("object_store.txt", "is the folder of a study"),
+        ("report.html", "holds a report.html that another verb has written"),
+        ("figures", "is no folder, and a folder of the answer is called so"),
+        ("model.yaml/notes.txt", "is a folder, and a file of the answer is called so"),
+    ],
+)
+def test_what_is_no_answer_of_the_verb_is_left_alone(tmp_path, capsys, quick, verb, held, told):
+    file = tmp_path / "out" / held
+    file.parent.mkdir(parents=True)
+    file.write_text("mine")
+    assert told in refused(capsys, verb, f"campaign={quick}", f"output={tmp_path / 'out'}")
+    assert files_in(tmp_path / "out") == {held}
+    assert file.read_text() == "mine"
+
+
+@every_verb
+def test_an_answer_of_another_verb_is_left_alone(tmp_path, capsys, quick, verb):
+    output = tmp_path / "out"
+    for other in {*FILES} - {verb}:
+        shutil.rmtree(output, ignore_errors=True)
+        for name in FILES[other]:
+            (output / name).parent.mkdir(parents=True, exist_ok=True)
+            (output / name).write_text("{}")
+        assert "that another verb has written" in refused(capsys, verb, f"campaign={quick}", f"output={output}")
+        assert files_in(output) == FILES[other]
+
+
+@every_verb
+def test_an_answer_is_not_put_into_a_store_or_where_links_lead_in_a_circle(tmp_path, capsys, quick, verb):
+    store, circle = tmp_path / "lobes.zarr", tmp_path / "circle"
+    store.mkdir()
+    circle.symlink_to(circle)
+    assert "is the folder of a study" in refused(capsys, verb, f"campaign={quick}", f"output={store / 'tables'}")
+    told = refused(capsys, verb, f"campaign={quick}", f"output={circle / 'out'}")
+    assert "output: symbolic links lead in a circle" in told
+    assert not list(store.iterdir())
+
+
+@every_verb
+def test_workers_that_cannot_be_started_are_told_of_and_nothing_stays(tmp_path, capsys, monkeypatch, quick, verb):
+    def failing(**_):
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr("pipeline.cluster.LocalCluster", failing)
+    assert main([verb, f"campaign={quick}", f"output={tmp_path / 'out'}", "cluster=local"]) == 1
+    assert "cluster: the workers could not be started: Nanny failed to start." in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@every_verb
+def test_a_folder_of_effects_that_is_none_is_refused_before_anything_is_begun(tmp_path, capsys, quick, verb):
+    words = (verb, f"campaign={quick}", f"output={tmp_path / 'out'}", SERIAL)
+    for folder in (quick / "machine.yaml", tmp_path / "nowhere"):
+        assert "is not a folder" in refused(capsys, *words, f"effects_path={folder}")
+    assert not (tmp_path / "out").exists()
 
 
 @every_verb
@@ -123,6 +191,12 @@ def test_a_folder_in_use_is_left_alone(tmp_path, capsys, quick, verb):
     output = tmp_path / "out"
     output.mkdir()
     with locked(output):
+        said = (output / "lock.json").read_text()
+        for text in ("[]", "[" * 100_000):
+            (output / "lock.json").write_text(text)
+            assert main([verb, f"campaign={quick}", f"output={output}", SERIAL]) == 3
+        assert "in use by another process" in capsys.readouterr().err
+        (output / "lock.json").write_text(said)
         assert main([verb, f"campaign={quick}", f"output={output}", SERIAL]) == 3
         assert (output / "lock.json").exists()
     assert f"in use by process {os.getpid()}" in capsys.readouterr().err

@@ -79,6 +79,17 @@ def test_every_one_of_many_random_bit_flips_is_found(output: Path) -> None:
     assert not verify.damage(Folder(output))
 
 
+@pytest.mark.parametrize("text", ["", "[]", "5", "[" * 100_000])
+def test_a_document_that_is_another_one_altogether_is_damage_and_is_restored(output: Path, text: str) -> None:
+    for name in ("lobes.zarr/zarr.json", "journal.jsonl"):
+        (output / name).write_text(text)
+    with (output / "journal.jsonl").open("a") as lines:
+        lines.write('\n{"time": "' + "2026" + '", "event": ' + "[" * 100_000)
+    assert verify.damage(Folder(output))
+    assert repaired(output) == 0
+    assert not verify.damage(Folder(output)).mendable
+
+
 def test_what_many_flips_at_once_have_damaged_is_made_as_it_was(output: Path, made: Path) -> None:
     random, files = np.random.default_rng(20261123), files_of(output)
     for which in random.choice(len(files), DAMAGED, replace=False):

@@ -161,7 +161,10 @@ def test_parts_are_as_large_as_their_shares_say(machines):
         ({}, "nothing varies"),
         ({"machine": {"vary": {"a..b": UNIFORM}}}, "a..b: the key is not of the form"),
         ({"machine": {"vary": {"tool.teeth": {**UNIFORM, "low": 30.0}}}}, "low less than high"),
-        ({"machine": {"vary": {"tool.teeth": {"distribution": "gauss"}}}}, "gauss"),
+        ({"machine": {"vary": {"tool.teeth": {"distribution": "gauss"}}}}, "allowed: distribution: one of 'uniform', "),
+        ({"machine": {"vary": {"tool.teeth": {}}}}, "found {}, allowed: keys and values, distribution among them"),
+        ({"machine": {"vary": {"tool.teeth": [None]}}}, "choice.values: found None, allowed: numbers or words"),
+        ({"machine": {"vary": {"tool.teeth": [[1]]}}}, "choice.values: found [1], allowed: numbers or words"),
         ({"machine": {"vary": {"tool.teeth": ["a", 1]}}}, "found numbers and words"),
         ({"machine": {"vary": {"tool.teeth": [True]}}}, "true"),
         ({"machine": {"vary": {"tool.teeth": UNIFORM}, "formulas": {"tool.a": "1 +"}}}, "no formula"),
@@ -186,7 +189,10 @@ def test_parts_are_as_large_as_their_shares_say(machines):
             },
             "at most 10000000 together",
         ),
-        ({"title": "a\n# b", "machine": {"vary": {"tool.teeth": [2]}}}, "title"),
+        (
+            {"title": "a\n# b", "machine": {"vary": {"tool.teeth": [2]}}},
+            "title: found 'a\\n# b', allowed: 1 to 200 letters",
+        ),
         ({"splits": {"train": 0.5}, "machine": {"vary": {"tool.teeth": UNIFORM}}}, "allowed: 1"),
     ],
 )
