@@ -23,19 +23,15 @@ BESIDE = ".writing-"
 OF_A_STUDY = (*STORES, *(f"{UNPACKED}{store}" for store in STORES), POINTER)
 
 
-def refuse_foreign(output: Path, mark: str, others: Collection[str] = ()) -> None:
-    """Raise InvalidInput where a folder holds something else than an earlier answer of the same verb.
+def refuse_foreign(output: Path, marks: Collection[str]) -> None:
+    """Raise InvalidInput where a folder holds a study, or a page that is no earlier answer.
 
-    mark: file that lies beside the page in all answers of the verb; others: files that lie in those of others alone.
+    marks: files, of which one lies beside the page of every answer that may stand there.
     """
     if any((output / name).exists() for name in OF_A_STUDY) or {*STORES} & {*output.resolve().parts}:
         raise InvalidInput([f"output: {output} is the folder of a study; name another"])
-    foreign = [name for name in others if (output / name).exists()]
-    foreign += [PAGE] if (output / PAGE).exists() and not (output / mark).exists() else []
-    if foreign:
-        raise InvalidInput(
-            [f"output: {output} holds a {foreign[0]} that another verb has written; name another folder"]
-        )
+    if (output / PAGE).exists() and not any((output / mark).exists() for mark in marks):
+        raise InvalidInput([f"output: {output} holds a {PAGE} that another verb has written; name another folder"])
 
 
 def require_room(output: Path, names: Iterable[Path | str]) -> None:

@@ -72,7 +72,6 @@ def compute(workers: Workers | None, comparison: Comparison, belief: Belief) -> 
 VERB = Verb(
     options=CompareOptions,
     files=(*comparison_page.FILES, MODEL),
-    mark=comparison_document.DOCUMENT,
     check=anything_will_do,
     compute=_compare,
     write=_write,

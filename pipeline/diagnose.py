@@ -33,7 +33,6 @@ def _lost(found: Diagnosis) -> int:
 VERB = Verb(
     options=DiagnoseOptions,
     files=(*diagnosis_page.FILES, MODEL),
-    mark=diagnosis_document.DOCUMENT,
     check=check_enough,
     compute=_diagnose,
     write=_write,

@@ -44,7 +44,6 @@ def _lost(found: Improvement) -> int:
 VERB = Verb(
     options=ImproveOptions,
     files=(*improvement_page.FILES, MODEL),
-    mark=diagnosis_document.HISTORY,
     check=check_enough,
     compute=improve,
     write=_write,

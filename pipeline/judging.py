@@ -1,7 +1,7 @@
 """The steps of a verb that judges a model by a campaign: read, compute, and leave an answer in a folder.
 
-An answer never takes the place of what was measured, of what is read, of a study, or of what another verb, or of
-another campaign, was said.
+An answer never takes the place of what was measured, of what is read, of a study, or of what was said of another
+campaign.
 """
 
 import json
@@ -32,23 +32,20 @@ Found = TypeVar("Found")
 MODEL = "model.yaml"
 #: Documents by which a folder says of which campaign its answer is.
 DOCUMENTS = (comparison_document.DOCUMENT, diagnosis_document.DOCUMENT)
-#: Files by which a folder says of which verb its answer is.
-MARKS = (*DOCUMENTS, diagnosis_document.HISTORY)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Verb(Generic[Found]):
     """A verb that judges a model by a campaign.
 
-    options: what it takes; files: all that its answers may consist of; mark: the one of them that tells them from
-    those of other verbs; check: raises InvalidInput where a campaign is not enough; compute: the answer; write: puts it
-    into a folder and returns the paths; summary: for a terminal; facts: for scripts, with the campaign's name in them;
-    lost: how many data the answer's model has nothing to say of.
+    options: what it takes; files: all that its answers may consist of; check: raises InvalidInput where a
+    campaign is not enough; compute: the answer; write: puts it into a folder and returns the paths; summary: for a
+    terminal; facts: for scripts, with the campaign's name in them; lost: how many data the answer's model has nothing
+    to say of.
     """
 
     options: type[JudgingOptions]
     files: tuple[str, ...]
-    mark: str
     check: Callable[[CampaignModel], None]
     compute: Callable[[Workers | None, Asked], Found]
     write: Callable[[Found, Asked, Path], list[Path]]
@@ -96,7 +93,7 @@ def _refuse_loss(verb: Verb[Found], output: Path, options: JudgingOptions, asked
         before = _campaign_of(output / document)
         if before not in (None, asked.name):
             raise InvalidInput([f"output: {output} holds the answer for campaign {shown(before)}; name another folder"])
-    refuse_foreign(output, verb.mark, [mark for mark in MARKS if mark not in verb.files])
+    refuse_foreign(output, DOCUMENTS)
     require_room(output, verb.files)
 
 

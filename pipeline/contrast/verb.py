@@ -33,7 +33,7 @@ def run(words: list[str]) -> int:
     margins = Margins.model_validate(options.margins)
     places = [_study(name, getattr(options, name)) for name in STUDIES]
     output = options.output or Path("results") / f"contrast-{'-'.join(map(_short, places))}"
-    refuse_foreign(output, MARK)
+    refuse_foreign(output, [MARK])
     both = contrast(*(read(place, margins.said) for place in places))
     with held_for_results(output):
         written = write_whole(lambda folder: _write(both, margins, folder), output)
