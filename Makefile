@@ -93,7 +93,7 @@ slurm: $(VENV)/.installed-test $(VENV)/.debian ## a study in a job of a SLURM on
 	rm -rf results/slurm
 	$(BIN)/python -m tests.cluster results/slurm
 
-fuzz: $(VENV)/.installed-test ## mutated files and words by the thousand, each read or told in sentences (some minutes)
+fuzz: $(VENV)/.installed-test ## mutated files and words by the thousand, each read or told in sentences (half an hour)
 	FUZZ_EXAMPLES=5000 $(BIN)/pytest -n 2 tests/property/test_hostile_*.py $(ARGS)
 
 docs: $(VENV)/.installed-docs ## the documentation as pages for a browser, into build/docs; nothing in them is fetched from a network

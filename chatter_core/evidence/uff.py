@@ -114,6 +114,8 @@ def _problem(record: dict[str, Any], units: float | None) -> str | None:
         return "found real numbers, allowed: complex ones"
     if not 0 < record["num_pts"] == len(record["data"]):
         return f"found {len(record['data'])} lines, its header says {record['num_pts']}; the file is cut off"
+    if len(record["x"]) != len(record["data"]):
+        return f"found {len(record['x'])} frequencies for {len(record['data'])} responses; the file is damaged"
     return _unknown_unit(record, units)
 
 

@@ -167,6 +167,12 @@ def test_what_is_no_receptance_of_the_tip_is_refused(read, change, expected):
     assert any(problem.startswith(f": record 1: {expected}") for problem in said)
 
 
+def test_a_number_too_many_is_refused(read):
+    lines = response().splitlines()
+    lines.insert(-len(HERTZ) - 1, f"{0.0:20.12E}")
+    assert "found 6 frequencies for 5 responses; the file is damaged" in problems(read, "\n".join([*lines, ""]))[0]
+
+
 def test_gravities_are_refused_beside_units_of_length_too(read):
     said = problems(read, units(*SI), response(ordinate=(12, "g")))
     assert said == [": record 2: found units 'g' over 'n', allowed: m/s2 over n; export in SI units"]
