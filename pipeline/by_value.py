@@ -1,4 +1,4 @@
-"""Limit depths over speed by the values of one input: the middle of all cuts that have a value, and their range."""
+"""Limit depths over speed by the values of one input: the median of all cuts that have a value, and a band of them."""
 
 from dataclasses import dataclass
 
@@ -10,23 +10,25 @@ from pipeline.page import cell
 
 #: Values of an input that a picture tells apart.
 FEWEST, MOST = 2, 12
-#: Least, median and largest.
-SHARES = (0.0, 0.5, 1.0)
+#: Cuts that are shown one by one, or by all their range; of more it is their middle part.
+FEW = 24
+#: Shares of the cuts of a value below the band's lower edge, the line, and the upper edge.
+ALL, MIDDLE_HALF = (0.0, 0.5, 1.0), (0.25, 0.5, 0.75)
 
 
 @dataclass(frozen=True, kw_only=True)
 class OfValue:
     """What limit depths are where an input has a value.
 
-    name: the value as people read it; cuts: how many have it; least, middle, largest: (speed,) [mm], NaN where nothing
-    is known.
+    name: the value as people read it; cuts: how many have it; middle, their median, with low and high, the band of all
+    of them or of their middle half: (speed,) [mm], NaN where nothing is known.
     """
 
     name: str
     cuts: int
-    least: np.ndarray
+    low: np.ndarray
     middle: np.ndarray
-    largest: np.ndarray
+    high: np.ndarray
 
 
 def by_value(data: xr.Dataset) -> dict[str, list[OfValue]]:
@@ -46,5 +48,5 @@ def by_value(data: xr.Dataset) -> dict[str, list[OfValue]]:
 
 
 def _of_value(name: str, limit: np.ndarray) -> OfValue:
-    least, middle, largest = quantiles(limit, SHARES)
-    return OfValue(name=name, cuts=len(limit), least=least, middle=middle, largest=largest)
+    low, middle, high = quantiles(limit, ALL if len(limit) <= FEW else MIDDLE_HALF)
+    return OfValue(name=name, cuts=len(limit), low=low, middle=middle, high=high)

@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from pipeline.by_value import OfValue, by_value
+from pipeline.by_value import FEW, OfValue, by_value
 from pipeline.dataset_tables import limit_or_deepest, quantiles
 from pipeline.figures import COLOURS, panel
 from pipeline.page import cell
@@ -18,8 +18,8 @@ from pipeline.sensitivity import KEY
 
 matplotlib.use("Agg")
 
-#: Shares of all cuts between which bands lie, and cuts up to which each is a line of its own.
-BANDS, FEW = ((0.1, 0.9), (0.25, 0.75)), 24
+#: Shares of all cuts between which bands lie.
+BANDS = ((0.1, 0.9), (0.25, 0.75))
 #: Inputs that a picture holds, the largest.
 MOST_INPUTS = 20
 #: Columns that a bar shows, each with that of the half width of its interval if there is one.
@@ -66,7 +66,7 @@ def limits_by_value(speed: np.ndarray, key: str, values: Sequence[OfValue]) -> F
     """Draw limit depths over speed [rpm], a line and a band for each value of an input."""
     figure, axes = panel(f"Limit depths over spindle speed by {key}")
     for colour, own in zip(ordered_colours(len(values)), values, strict=True):
-        axes.fill_between(speed, own.least, own.largest, color=colour, alpha=0.08, lw=0)
+        axes.fill_between(speed, own.low, own.high, color=colour, alpha=0.08, lw=0)
         axes.plot(speed, own.middle, color=colour, lw=1.6, label=own.name)
     axes.set_xlabel("spindle speed [rpm]")
     axes.set_ylabel("limit depth [mm]")

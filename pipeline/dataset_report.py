@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from pipeline import csv_files, dataset_card, dataset_figures, page, store, survey
+from pipeline.by_value import FEW
 from pipeline.dataset_plots import dataset_plots
 from pipeline.dataset_tables import LOWEST, MOST_NAMED, RATE, samples_table, stable_throughout
 from pipeline.page import PageTable, provenance, table_of
@@ -23,8 +24,8 @@ READ = ("input", "split", "limit_depth", "limit_chatter_frequency", "limit_domin
 PAGE_ROWS = 24
 CAPTIONS = {
     "limits": "The depth at which the chosen cut begins to chatter; the bands hold the middle part of all cuts.",
-    "values": "A line for each value of the chosen input: the median of all cuts that have it; bands from the least of "
-    "them to the largest.",
+    "values": "A line for each value of the chosen input: the median of all cuts that have it; bands hold all of them, "
+    f"or where they are more than {FEW} the middle half.",
     "inputs": "A cut each, by the shallowest of its limit depths over all speeds.",
 }
 

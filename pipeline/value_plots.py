@@ -55,7 +55,7 @@ def _columns(speed: np.ndarray, values: Sequence[OfValue]) -> dict[str, Any]:
 
 
 def _outline(speed: np.ndarray, own: OfValue) -> tuple[np.ndarray, np.ndarray]:
-    """Return the outline of a band, there along the least and back along the largest, without what is not known."""
+    """Return the outline of a band, its lower edge and back along the upper one, without what is not known."""
     known = ~np.isnan(own.middle)
     there, back = np.flatnonzero(known), np.flatnonzero(known)[::-1]
-    return np.concatenate([speed[there], speed[back]]), numbers(np.concatenate([own.least[there], own.largest[back]]))
+    return np.concatenate([speed[there], speed[back]]), numbers(np.concatenate([own.low[there], own.high[back]]))

@@ -119,7 +119,7 @@ def test_lines_of_a_value_are_those_of_the_cuts_that_have_it(tmp_path, monkeypat
     others = {"grid": (500.0, 700.0, 900.0), "one_at_a_time": (900.0, 900.0, 900.0)}[sampling]
     assert [own.name for own in found["spindle.preload_n"]] == ["50", "100", "150"]
     for own, preload in zip(found["spindle.preload_n"], (50.0, 100.0, 150.0), strict=True):
-        for line, energy in zip((own.least, own.middle, own.largest), others, strict=True):
+        for line, energy in zip((own.low, own.middle, own.high), others, strict=True):
             # The store keeps seven digits.
             assert line == pytest.approx(np.exp(preload / 200.0 + energy / 4000.0) * speed, rel=1e-6)
     kept = {"grid": 3, "one_at_a_time": 2}[sampling]
@@ -134,3 +134,18 @@ def test_inputs_of_many_values_have_no_lines(tmp_path, monkeypatch):
     assert dataset.run([*words, varied, "vary.tool.teeth=[2, 4]", f"output={tmp_path}"]) == 0
     with xr.open_zarr(tmp_path / STORE) as data:
         assert list(by_value(data.load())) == ["tool.teeth"]
+
+
+def test_the_band_of_a_value_that_many_cuts_have_is_their_middle_half(tmp_path, monkeypatch):
+    monkeypatch.setattr(Dataset, "kernel", "tests.pipeline.test_dataset:standin")
+    monkeypatch.setattr(Dataset, "report", lambda self, place: [])
+    words = ["study=parameter_study", "design.spindle_speed_rpm=[6000]", "cluster=serial"]
+    energies = np.arange(500, 825, 13)
+    varied = [f"vary.cutting.kt_mpa={energies.tolist()}", "vary.tool.teeth=[2, 4]"]
+    assert dataset.run([*words, *varied, f"output={tmp_path}"]) == 0
+    with xr.open_zarr(tmp_path / STORE) as data:
+        two, _ = by_value(data.load())["tool.teeth"]
+    assert two.cuts == len(energies) == 25
+    # The stand-in rises with kt, so that of 25 cuts in order the 7th and the 19th are the quartiles.
+    ends = np.exp((energies[[6, 18]] - energies[12]) / 4000.0)
+    assert [two.low[0], two.high[0]] == pytest.approx(two.middle[0] * ends, rel=1e-6)
