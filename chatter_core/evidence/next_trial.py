@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from chatter_core.evidence.belief import fitted
-from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.columns import NO_WORD
 from chatter_core.evidence.measured import Trials
@@ -42,7 +41,7 @@ def next_trial(one: Hypothesis, other: Hypothesis, **stated: float) -> NextTrial
     if campaign.trials is None:
         return None
     plan = _plan(campaign.trials, stated)
-    first, second = (_chatter(hypothesis, campaign, plan) for hypothesis in (one, other))
+    first, second = (expected_chatter(hypothesis, plan) for hypothesis in (one, other))
     gain = 0.5 * (first - second) * (_logit(first) - _logit(second))
     best = int(np.nan_to_num(gain).argmax())
     return NextTrial(
@@ -74,10 +73,13 @@ def _plan(trials: Trials, stated: Mapping[str, float]) -> Trials:
     )
 
 
-def _chatter(hypothesis: Hypothesis, campaign: Campaign, plan: Trials) -> Array:
-    """Return the probability that each cut is called chatter (trial,), wrong labels included."""
+def expected_chatter(hypothesis: Hypothesis, plan: Trials) -> Array:
+    """Return the probability by which each cut of a plan will be called chatter (trial,), wrong labels included.
+
+    See docs/physics.md#diagnosis.
+    """
     model = hypothesis.comparison.model
-    planned = replace(model, campaign=planned_campaign(campaign, plan))
+    planned = replace(model, campaign=planned_campaign(model.campaign, plan))
     probability = predict_planned(planned, fitted(hypothesis.fit)).probability_chatter
     return np.asarray(TYPICAL_MISLABELLED + (1.0 - 2.0 * TYPICAL_MISLABELLED) * probability)
 
