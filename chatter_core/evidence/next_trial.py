@@ -13,6 +13,9 @@ from chatter_core.evidence.nuisances import TYPICAL_MISLABELLED
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.planned import planned_campaign, predict_planned
 
+#: Standard deviation [ln(depth)] by which boundaries are off beyond what a hypothesis doubts itself. Where two of them
+#: differ most one errs most: without it a label was worth a third of what was expected of it, see docs/blind.md.
+MODEL_ERROR = 0.15
 #: Speeds and depths that are tried, within those of the campaign's own cuts.
 SPEEDS, DEPTHS = 24, 12
 
@@ -74,13 +77,15 @@ def _plan(trials: Trials, stated: Mapping[str, float]) -> Trials:
 
 
 def expected_chatter(hypothesis: Hypothesis, plan: Trials) -> Array:
-    """Return the probability by which each cut of a plan will be called chatter (trial,), wrong labels included.
+    """Return the probability by which each cut of a plan will be called chatter (trial,), wrong labels and all.
+
+    MODEL_ERROR counts as the doubts about parameters do.
 
     See docs/physics.md#diagnosis.
     """
     model = hypothesis.comparison.model
     planned = replace(model, campaign=planned_campaign(model.campaign, plan))
-    probability = predict_planned(planned, fitted(hypothesis.fit)).probability_chatter
+    probability = predict_planned(planned, fitted(hypothesis.fit), MODEL_ERROR).probability_chatter
     return np.asarray(TYPICAL_MISLABELLED + (1.0 - 2.0 * TYPICAL_MISLABELLED) * probability)
 
 

@@ -22,8 +22,8 @@ STEP = 0.3
 class PlannedCuts:
     """Prediction of cuts, all (trial,).
 
-    spectral_radius [-]; margin, and margin_deviation, its standard deviation as the parameters' uncertainty has
-    it, in ln(depth); probability_chatter; chatter_frequency [rad/s], NaN where the model is stable; status:
+    spectral_radius [-]; margin, and margin_deviation, its standard deviation as the uncertainty of parameters and
+    model has it, in ln(depth); probability_chatter; chatter_frequency [rad/s], NaN where the model is stable; status:
     values of variables.STATUS. Where that is not ok, numbers are NaN.
     """
 
@@ -45,8 +45,10 @@ def planned_campaign(campaign: Campaign, trials: Trials | None) -> Campaign:
     )
 
 
-def predict_planned(model: CampaignModel, belief: Belief) -> PlannedCuts:
+def predict_planned(model: CampaignModel, belief: Belief, model_error: float = 0.0) -> PlannedCuts:
     """Predict the trials of a campaign, whatever their labels say.
+
+    model_error: standard deviation [ln(depth)] by which boundaries are off beyond what is not known of the parameters.
 
     The probability of chatter is F(eta / s), F logistic, averaged over a normal distribution of eta:
     F(eta / sqrt(s^2 + pi sigma^2 / 8)), sigma being its deviation. A wrong label is not counted as possible.
@@ -59,7 +61,7 @@ def predict_planned(model: CampaignModel, belief: Belief) -> PlannedCuts:
     prediction = model.predict(known.estimate, quantities=("outcome",))
     at_cut = model.stability(prediction, np.zeros(len(prediction.margin)))
     ok = (at_cut.status == STATUS["ok"]) & np.isfinite(prediction.margin)
-    deviation = _margin_deviation(model, known, prediction)
+    deviation = np.hypot(_margin_deviation(model, known, prediction), model_error)
     width = TYPICAL_OUTCOME_WIDTH * np.exp(model.named(known.estimate)["outcome_width"])
     probability = expit(prediction.margin / np.sqrt(width**2 + np.pi * deviation**2 / 8.0))
     chatters = ok & (prediction.margin > 0.0)

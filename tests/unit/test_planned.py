@@ -57,6 +57,18 @@ def test_margins_scatter_and_probabilities_average_as_drawn_parameters_have_it()
     assert found.probability_chatter == pytest.approx(expected, abs=0.08)
 
 
+def test_an_error_of_the_model_makes_boundaries_as_uncertain_as_drawn_ones():
+    model, error = base_model(planned_campaign(campaign(tip_machine()), plan())), 0.15
+    sure, doubted = (predict_planned(model, PRIORS.about(model).sure(), off) for off in (0.0, error))
+    assert doubted.margin == pytest.approx(sure.margin)
+    assert doubted.margin_deviation == pytest.approx(np.full(len(sure.margin), error))
+    drawn = sure.margin + error * np.random.default_rng(5).standard_normal((4000, 1))
+    # Four thousand draws know the average to 0.008; MacKay's form errs by 0.02 at most.
+    assert doubted.probability_chatter == pytest.approx(
+        (1.0 / (1.0 + np.exp(-drawn / TYPICAL_OUTCOME_WIDTH))).mean(axis=0), abs=0.03
+    )
+
+
 def test_the_sign_of_the_margin_the_radius_and_the_frequency_agree():
     model = base_model(planned_campaign(campaign(tip_machine()), plan()))
     found = predict_planned(model, PRIORS)
