@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pipeline.lobes import OUTER, nothing_missed, stability_limit
+from pipeline.lobes import OUTER, known_limit, stability_limit
 from pipeline.settings import Margins, margins_of
 
 
@@ -19,16 +19,6 @@ def removal_rate(machine: dict[str, Any], spindle_speed_rpm: Any, axial_depth_mm
     share = 1.0 if process["direction"] == "slot" else process["radial_immersion"]
     width = share * tool["diameter_mm"]
     return axial_depth_mm * width * tool["teeth"] * process["feed_per_tooth_mm"] * spindle_speed_rpm * 1e-3
-
-
-def known_limit(lobes: xr.Dataset) -> xr.DataArray:
-    """Return limit depths [mm], the grid's last depth where the boundary lies above the grid.
-
-    NaN at speeds of which a cell has no result, and where no boundary was found but one may have been missed.
-    """
-    found = stability_limit(lobes)
-    limit = found.fillna(float(lobes["axial_depth"].max())).where(nothing_missed(found, lobes["limits_complete"]))
-    return limit.where(lobes["spectral_radius"].notnull().all("axial_depth"))
 
 
 def safe_depth(limit: np.ndarray, speed: np.ndarray, margins: Margins) -> np.ndarray:

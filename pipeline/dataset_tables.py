@@ -13,7 +13,7 @@ from pipeline.design import PARTS, Description, Design
 from pipeline.design.distributions import Distribution
 from pipeline.kinds import KINDS
 from pipeline.kinds.dataset import descriptions
-from pipeline.lobes import nothing_missed
+from pipeline.lobes import filled_limit
 from pipeline.places import DATASET
 from pipeline.progress import watched
 from pipeline.settings import margins_of
@@ -48,9 +48,8 @@ def limit_or_deepest(data: xr.Dataset) -> np.ndarray:
     NaN where there is no result, and where no boundary was found but one may have been missed.
     """
     deepest = data.attrs["settings"]["design"]["deepest_mm"]
-    limit = data["limit_depth"].astype(float)
-    known = (data["status"] == STATUS["ok"]) & nothing_missed(limit, data["limits_complete"])
-    depths: np.ndarray = limit.fillna(deepest).where(known).values
+    limit = filled_limit(data["limit_depth"].astype(float), data["limits_complete"], deepest)
+    depths: np.ndarray = limit.where(data["status"] == STATUS["ok"]).values
     return depths.reshape(-1, data.sizes["spindle_speed"])
 
 

@@ -12,8 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
-from pipeline.best_cuts import known_limit
-from pipeline.lobes import stability_limit
+from pipeline.lobes import known_limit, stability_limit
 
 matplotlib.use("Agg")
 

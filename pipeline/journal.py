@@ -12,6 +12,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS, WITH_RESULT
 from pipeline import store
 from pipeline.errors import is_damage
+from pipeline.json_text import parsed
 from pipeline.kinds import kind_of
 from pipeline.places import Place
 from pipeline.provenance import now
@@ -98,8 +99,8 @@ def _event(line: str) -> Event | None:
         if line != f'{SEALED}{zlib.crc32(told.encode()):08x}", {told[1:]}':
             return None
     try:
-        return dict(json.loads(told))
-    except (ValueError, TypeError, RecursionError):
+        return dict(parsed(told))
+    except (ValueError, TypeError):
         return None
 
 

@@ -4,7 +4,6 @@ An answer never takes the place of what was measured, of what is read, of a stud
 campaign.
 """
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ from pipeline.answer_folder import refuse_foreign, require_room, write_whole
 from pipeline.campaigns import Asked, options_of, read
 from pipeline.cluster import Workers, open_client
 from pipeline.configuration import sort_words
+from pipeline.json_text import parsed
 from pipeline.locking import held_for_results
 from pipeline.telling import complain, fact, say, wrote
 from pipeline.verbs.campaigns import JudgingOptions
@@ -100,8 +100,8 @@ def _refuse_loss(verb: Verb[Found], output: Path, options: JudgingOptions, asked
 def _campaign_of(document: Path) -> str | None:
     """Return the campaign that a document speaks of, None where there is none that can be read."""
     try:
-        return str(json.loads(document.read_text(encoding="utf-8"))["campaign"])
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return str(parsed(document.read_text(encoding="utf-8"))["campaign"])
+    except (OSError, ValueError, KeyError, TypeError):
         return None
 
 

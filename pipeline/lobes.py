@@ -6,8 +6,6 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from chatter_core.variables import WITH_RESULT
-
 #: Outer dimensions of a sweep: one line of lobes for each combination.
 OUTER = ("modal_parameters", "preload", "mode_count")
 
@@ -33,6 +31,24 @@ def nothing_missed(limit: xr.DataArray, complete: xr.DataArray) -> xr.DataArray:
     deepest. limit: limit depths, NaN where none was found; complete: limits_complete of a store.
     """
     return limit.notnull() | (complete == 1)
+
+
+def filled_limit(limit: xr.DataArray, complete: xr.DataArray, deepest: float) -> xr.DataArray:
+    """Return limit depths, the deepest depth where the boundary lies above all depths, NaN where it may be missed.
+
+    Arguments as for ``nothing_missed``; deepest: to which depth boundaries were looked for, in the unit of the limit.
+    """
+    return limit.fillna(deepest).where(nothing_missed(limit, complete))
+
+
+def known_limit(lobes: xr.Dataset) -> xr.DataArray:
+    """Return limit depths [mm], the grid's last depth where the boundary lies above the grid.
+
+    NaN at speeds of which a cell has no result, and where no boundary was found but one may have been missed.
+    """
+    deepest = float(lobes["axial_depth"].max())
+    limit = filled_limit(stability_limit(lobes), lobes["limits_complete"], deepest)
+    return limit.where(lobes["spectral_radius"].notnull().all("axial_depth"))
 
 
 def dominance(lobes: xr.Dataset) -> pd.DataFrame:
@@ -95,12 +111,9 @@ def most_misjudged(lobes: xr.Dataset, preload: float, mode_count: int) -> Misjud
     if not {"static", "dynamic"} <= set(lobes["modal_parameters"].values):
         return None
     line = lobes.sel(preload=preload, mode_count=mode_count)
-    complete = line["status"].isin(WITH_RESULT).all(["axial_depth", "modal_parameters"])
-    limit = stability_limit(line)
-    deepest = float(lobes["axial_depth"].max())
-    settled = limit.fillna(deepest).where(nothing_missed(limit, line["limits_complete"]))
-    static, dynamic = settled.sel(modal_parameters="static"), limit.sel(modal_parameters="dynamic")
-    ratio = (static / dynamic).where(complete).values
+    known = known_limit(line)
+    static, dynamic = known.sel(modal_parameters="static"), stability_limit(line).sel(modal_parameters="dynamic")
+    ratio = (static / dynamic).where(known.notnull().all("modal_parameters")).values
     if np.isnan(ratio).all():
         return None
     worst = int(np.nanargmax(ratio))

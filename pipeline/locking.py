@@ -13,6 +13,7 @@ from filelock import FileLock, Timeout
 
 from chatter_core.errors import InvalidInput
 from pipeline.errors import StoreInUse
+from pipeline.json_text import parsed
 
 #: What a file system answers that keeps no locks, or whose server keeps none.
 NO_LOCKS = {errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK}
@@ -38,9 +39,9 @@ def locked(output: Path) -> Iterator[None]:
         lock.acquire()
     except Timeout:
         try:
-            said = json.loads(holder.read_text())
+            said = parsed(holder.read_text())
             who = f"process {said['pid']} on {said['host']} since {said['since']}"
-        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        except (OSError, ValueError, KeyError, TypeError):
             who = "another process"
         raise StoreInUse(f"{output}: in use by {who}; wait for it, or choose another folder with output=DIR") from None
     except OSError as error:

@@ -9,6 +9,7 @@ import zlib
 from typing import Any
 
 from pipeline.errors import StoreUnavailable
+from pipeline.json_text import parsed
 from pipeline.places import Place
 from pipeline.provenance import now
 
@@ -132,9 +133,9 @@ def _read(place: Place, key: str) -> bytes | None:
 def _intact(text: bytes | None) -> dict[str, Any] | None:
     """Return a sealed document, None where it does not bear its seal."""
     try:
-        document: dict[str, Any] = json.loads(text or b"")
+        document: dict[str, Any] = parsed(text or b"")
         return document if text == _sealed(document) else None
-    except (ValueError, KeyError, TypeError, RecursionError):
+    except (ValueError, KeyError, TypeError):
         return None
 
 

@@ -6,10 +6,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pipeline.best_cuts import known_limit
 from pipeline.figures import COLOURS, STABLE, STYLE, modes_label, over_speed, panel, panels, shared_legend
 from pipeline.findings import Evidence
-from pipeline.lobes import dominance, most_misjudged, stability_limit
+from pipeline.lobes import dominance, known_limit, most_misjudged, stability_limit
 
 
 def write(evidence: Evidence, folder: Path) -> list[Path]:

@@ -13,9 +13,9 @@ from matplotlib.colors import to_hex
 
 from chatter_core.variables import BIFURCATION
 from pipeline.best_cut_plots import KNOWN, RATE, SPEED, add_best_cut
-from pipeline.best_cuts import known_limit, removal_rate
+from pipeline.best_cuts import removal_rate
 from pipeline.figures import COLOURS, RADIUS_LEVELS, STYLE, modes_label
-from pipeline.lobes import stability_limit
+from pipeline.lobes import known_limit, stability_limit
 from pipeline.plots import Choices, Key, add_key, hover, numbers, plot
 from pipeline.settings import margins_of
 

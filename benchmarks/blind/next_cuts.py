@@ -7,9 +7,8 @@ effect [nats]; so is that of every cut which the shop made by its own plan and k
 """
 
 import argparse
-import json
-import math
 import os
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,9 +20,10 @@ from benchmarks.blind import kept
 from benchmarks.blind.choosing import kept_cases
 from benchmarks.blind.judgement import Case
 from benchmarks.blind.opening import truth_folder
+from benchmarks.blind.program import JUDGED_COLUMNS
 from benchmarks.blind.running import spread_calls
 from benchmarks.blind.summary import markdown
-from benchmarks.blind.tables import read_rows, write_rows
+from benchmarks.blind.tables import Rows, read_rows, write_rows
 from benchmarks.blind.targets import mean_interval
 from chatter_core.evidence import Comparison, base_model, calibrate, read_campaign
 from chatter_core.evidence.belief import PRIORS
@@ -39,9 +39,6 @@ from tests.hidden_effect.campaign import draw_shop
 from tests.hidden_effect.hidden import thermal_history
 from tests.hidden_effect.structure import Spindle
 from tests.hidden_effect.trial import Condition, cut_trial
-
-#: What a shop knows of a planned cut.
-PLANNED = ("trial", "spindle_speed_rpm", "axial_depth_mm", "radial_immersion", "feed_per_tooth_mm")
 
 
 def rival_of(case: Case) -> str:
@@ -92,9 +89,9 @@ def held_against(root: Path, case: Case) -> dict[str, Any]:
         both = fitted(folder, [*case.effects, rival])
         cut = next_trial(*both)
         assert cut is not None
-        shown = [_expected(one, back, truth) for one in both]
+        shown = _expected(both, back)
         made = sorted((*read_rows(folder / "stability.csv"), *back), key=lambda row: int(row["trial"]))
-        speeds = [float(row["spindle_speed_rpm"]) * math.pi / 30.0 for row in made]
+        speeds = [float(row["spindle_speed_rpm"]) * si_factor("spindle_speed_rpm") for row in made]
         asked = float(worth(label_of(case.seed, cut, speeds), *cut.probability))
     by_shop = worth(np.array([row["outcome"] == "chatter" for row in back]), *shown)
     return {
@@ -110,13 +107,13 @@ def held_against(root: Path, case: Case) -> dict[str, Any]:
     }
 
 
-def _expected(hypothesis: Hypothesis, cuts: Sequence[dict[str, str]], truth: Path) -> Array:
-    """Return the probability by which a hypothesis expects each cut of a table to be called chatter (cut,)."""
-    plan = truth.parent.parent / "next_cuts" / f"{truth.name}.csv"
-    plan.parent.mkdir(exist_ok=True)
-    write_rows(plan, [{key: row[key] for key in PLANNED if key in row} for row in cuts])
-    trials, order = planned_trials(plan, hypothesis.comparison.model.campaign.machine)
-    return expected_chatter(hypothesis, trials)[order]
+def _expected(hypotheses: Sequence[Hypothesis], cuts: Rows) -> list[Array]:
+    """Return the probability by which each hypothesis expects each cut of a table to be called chatter, (cut,) each."""
+    with tempfile.TemporaryDirectory() as scratch:
+        plan = Path(scratch) / "plan.csv"
+        write_rows(plan, [{key: value for key, value in row.items() if key not in JUDGED_COLUMNS} for row in cuts])
+        trials, order = planned_trials(plan, hypotheses[0].comparison.model.campaign.machine)
+    return [expected_chatter(one, trials)[order] for one in hypotheses]
 
 
 def keep(root: Path, case: Case, seed: int) -> str:
@@ -132,7 +129,7 @@ def _place(root: Path, seed: int) -> Path:
 
 def _holds(root: Path, seed: int) -> bool:
     place = _place(root, seed)
-    return place.exists() and json.loads(place.read_text())["program"] == kept.program_digest()
+    return place.exists() and kept.read(place)["program"] == kept.program_digest()
 
 
 def table(rows: Sequence[dict[str, Any]]) -> list[str]:
@@ -167,8 +164,9 @@ def main() -> int:
         print(f"{root}: no diagnoses of calibration seeds that hide one effect are kept here")
         return 1
     missing = [case for case in cases if not _holds(root, case.seed)]
-    spread_calls(keep, [(root, case, case.seed) for case in missing], said.workers)
-    rows = [json.loads(_place(root, case.seed).read_text())["row"] for case in cases]
+    if missing:
+        spread_calls(keep, [(root, case, case.seed) for case in missing], said.workers)
+    rows = [kept.read(_place(root, case.seed))["row"] for case in cases]
     write_rows(root / "next_cuts.csv", rows)
     print("\n".join(table(rows)))
     return 0

@@ -19,6 +19,7 @@ from obstore.store import S3Store
 
 from chatter_core.errors import InvalidInput
 from pipeline.errors import StoreInUse, StoreUnavailable
+from pipeline.json_text import parsed
 from pipeline.places.place import CLOCK, LOCK, StillHeld
 from pipeline.places.s3 import clear_words
 from pipeline.verbs.options import LEASE
@@ -175,8 +176,8 @@ class Lease:
         except FileNotFoundError:
             return None
         try:
-            said = dict(json.loads(content))
-        except (ValueError, TypeError, RecursionError):
+            said = dict(parsed(content))
+        except (ValueError, TypeError):
             said = {}
         return _Lock(said=said, tag=str(meta["e_tag"]), written=meta["last_modified"])
 

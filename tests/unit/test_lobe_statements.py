@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from chatter_core.variables import STATUS
+from chatter_core.variables import STATUS, WITH_RESULT
 from pipeline.lobes import crossover_speeds, dominance, most_misjudged
 
 
@@ -22,6 +22,7 @@ def lobes(dominant, *, static=None, dynamic=None, status=None, complete=1):
             "limit_depth": ((*outer, "crossing"), limit[..., None]),
             "limits_complete": (outer, np.broadcast_to(complete, shape)),
             "status": ((*outer, "axial_depth"), cells),
+            "spectral_radius": ((*outer, "axial_depth"), np.where(np.isin(cells, WITH_RESULT), 0.5, np.nan)),
         },
         coords={"modal_parameters": kinds, "preload": [100.0], "mode_count": [4], "spindle_speed": speeds,
                 "axial_depth": [1.0, 6.0]},
