@@ -46,7 +46,6 @@ def compute(workers: Workers | None, comparison: Comparison, belief: Belief) -> 
         {
             "calibrated": [Job(name="calibration", call=partial(calibrate, comparison, start=before.estimate))],
             "described": [Job(name="model as described", call=partial(as_described, comparison, belief))],
-            "held_out": held_out_jobs(comparison, before.estimate),
             "lobes": lobe_jobs(model, before.sure(), "lobes as described"),
         },
     )
@@ -56,6 +55,7 @@ def compute(workers: Workers | None, comparison: Comparison, belief: Belief) -> 
     second = spread_parts(
         workers,
         {
+            "held_out": held_out_jobs(comparison, fit.estimate, before.estimate),
             "intervals": interval_jobs(comparison, fit, parameters),
             "lobes": lobe_jobs(model, known, "lobes as calibrated"),
         },
@@ -64,7 +64,7 @@ def compute(workers: Workers | None, comparison: Comparison, belief: Belief) -> 
         comparison,
         described=(described, before, first["lobes"]),
         refitted=(fit, known, second["lobes"]),
-        held_out=first["held_out"],
+        held_out=second["held_out"],
         intervals=intervals(fit, parameters, second["intervals"]),
     )
 

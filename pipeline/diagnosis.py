@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import prod
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +18,9 @@ from chatter_core.evidence.belief import Belief, fitted
 from chatter_core.evidence.candidates import Candidate, Hypothesis, slope_of
 from chatter_core.evidence.failures import Failure
 from chatter_core.evidence.held_out import together
+from chatter_core.evidence.intervals import End
 from chatter_core.evidence.next_measurement import NextMeasurement, next_receptances, of_cut, other_cuts
 from chatter_core.evidence.next_trial import NextTrial, next_trial
-from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.power import Power, power
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.evidence.pursuit import fit_hypothesis, ground, look, pursue, refit
@@ -47,6 +48,10 @@ SUPPORTED = ("effect", "ambiguous")
 LIKELY = 0.1
 #: Of the ranking, so many are shown.
 SHOWN = 5
+#: Parts of what is computed when the verdict stands, beside the cuts held out, which bear the names of hypotheses.
+ENDS, CUTS, RESPONSES = "ends of intervals", "next cuts", "next receptances"
+#: A cut as the machine is set up, among kinds of cuts.
+PLAIN_CUT = "cut"
 #: Fewer cuts and responses together than this tell nothing.
 FEWEST_CUTS = 8
 
@@ -204,39 +209,64 @@ def completed(
     told_of = [one for one in _told_of_others(found) if of_base is None or one is not found.base]
     known = {} if of_base is None else {NOTHING: of_base}
     first, second = (one.best for one in found.ranking[:2]) if len(found.ranking) > 1 else (found.base, found.base)
-    cut, measurements = _next(workers, first, second)
+    # Together no worker waits for the last one of another part; what takes longest comes first.
+    parts = spread_parts(
+        workers,
+        {
+            **{name_of(one): _held_out_jobs(one, found.base, belief) for one in reversed(told_of)},
+            ENDS: _interval_jobs(found.supported),
+            **_next_jobs(first, second),
+        },
+    )
+    cut, measurements = _next(parts)
+    campaign = found.base.comparison.model.campaign
+    said = {name_of(one): parts[name_of(one)] for one in told_of if parts[name_of(one)]}
     return replace(
         found,
-        held_out=known | _held_out(workers, told_of, belief),
+        held_out=known | {name: cut_scores(campaign, together(groups)) for name, groups in said.items()},
         next_trial=cut,
         next_measurements=measurements,
-        intervals=intervals_of(workers, found.supported),
+        intervals=_intervals(found.supported, parts[ENDS]),
         corrections=correct(workers, found.base) if found.verdict.kind == "unexplained" else None,
     )
 
 
 def intervals_of(workers: Workers | None, named: Hypothesis) -> dict[str, Limits]:
     """Return the profile intervals of the parameters of effects that are named; none for the base model."""
-    names = [parameter.name for candidate in named.candidates for parameter in candidate.term.parameters]
-    ends = spread(workers, interval_jobs(named.comparison, named.fit, names))
-    return intervals(named.fit, names, ends)
+    return _intervals(named, spread(workers, _interval_jobs(named)))
 
 
-def _next(
-    workers: Workers | None, first: Hypothesis, second: Hypothesis
-) -> tuple[NextTrial | None, list[NextMeasurement]]:
+def _interval_jobs(named: Hypothesis) -> list[Job]:
+    return interval_jobs(named.comparison, named.fit, _own_parameters(named))
+
+
+def _intervals(named: Hypothesis, ends: Sequence[End | str]) -> dict[str, Limits]:
+    return intervals(named.fit, _own_parameters(named), ends)
+
+
+def _own_parameters(named: Hypothesis) -> list[str]:
+    """Return the names of the parameters of a hypothesis' effects."""
+    return [parameter.name for candidate in named.candidates for parameter in candidate.term.parameters]
+
+
+def _next_jobs(first: Hypothesis, second: Hypothesis) -> dict[str, list[Job]]:
+    """Return the jobs that find which cut would part two hypotheses, of each kind, and which receptances would."""
+    kinds: dict[str, dict[str, float]] = {PLAIN_CUT: {}, **other_cuts(first.comparison.model.campaign.machine)}
+    return {
+        CUTS: [Job(name=kind, call=partial(_next_cut, kind, first, second, own)) for kind, own in kinds.items()],
+        RESPONSES: [Job(name="receptances", call=partial(next_receptances, first, second))],
+    }
+
+
+def _next_cut(kind: str, first: Hypothesis, second: Hypothesis, own: dict[str, float]) -> tuple[str, NextTrial | None]:
+    return kind, next_trial(first, second, **own)
+
+
+def _next(parts: Mapping[str, list[Any]]) -> tuple[NextTrial | None, list[NextMeasurement]]:
     """Return the cut that would part two hypotheses, and all measurements that would, by what they are worth."""
-    kinds: dict[str, dict[str, float]] = {"cut": {}, **other_cuts(first.comparison.model.campaign.machine)}
-    found = spread_parts(
-        workers,
-        {
-            "cuts": [Job(name=kind, call=partial(next_trial, first, second, **own)) for kind, own in kinds.items()],
-            "receptances": [Job(name="receptances", call=partial(next_receptances, first, second))],
-        },
-    )
-    cuts = dict(zip(kinds, found["cuts"], strict=True))
-    measurements = [*found["receptances"][0], *(of_cut(kind, one) for kind, one in cuts.items() if one is not None)]
-    return cuts["cut"], sorted(measurements, key=lambda one: -one.worth)
+    cuts = dict(parts[CUTS])
+    measurements = [*parts[RESPONSES][0], *(of_cut(kind, one) for kind, one in cuts.items() if one is not None)]
+    return cuts[PLAIN_CUT], sorted(measurements, key=lambda one: -one.worth)
 
 
 def _ranking(
@@ -359,24 +389,10 @@ def _told_of_others(found: Diagnosis) -> list[Hypothesis]:
     return [found.base, *([found.best] if found.best is not found.base else effects[:1])]
 
 
-def _held_out(workers: Workers | None, hypotheses: Sequence[Hypothesis], belief: Belief) -> dict[str, dict[str, Score]]:
-    """Return the scores on cuts held out, by the names of the hypotheses.
-
-    belief: what was known before the campaign.
-    """
-    jobs = {name_of(one): held_out_jobs(one.comparison, _before(one, belief)) for one in hypotheses}
-    campaigns = {name_of(one): one.comparison.model.campaign for one in hypotheses}
-    parts = spread_parts(workers, jobs)
-    return {name: cut_scores(campaigns[name], together(said)) for name, said in parts.items() if said}
-
-
-def _before(hypothesis: Hypothesis, belief: Belief) -> Array:
-    """Return where calibrations without some cuts start: as before the campaign, but for effects not known then."""
-    model = hypothesis.comparison.model
-    new = effect_parameters(model) - set(belief.names)
-    names = [parameter.name for parameter in model.parameters]
-    pairs = zip(names, hypothesis.fit.estimate, belief.about(model).estimate, strict=True)
-    return np.array([found if name in new else before for name, found, before in pairs])
+def _held_out_jobs(hypothesis: Hypothesis, base: Hypothesis, belief: Belief) -> list[Job]:
+    """Return jobs that tell cuts held out; the base model's start as before the campaign too, where belief knows it."""
+    before = belief.about(base.comparison.model).estimate if hypothesis is base else None
+    return held_out_jobs(hypothesis.comparison, np.asarray(hypothesis.fit.estimate), before)
 
 
 def effect_parameters(model: CampaignModel) -> set[str]:

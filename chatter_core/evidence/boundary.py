@@ -31,8 +31,12 @@ STEP = 0.03
 #: Where ln|mu| is farther than this from zero its deviation is not asked for, and told as none: there no parameter is
 #: so uncertain that it would matter.
 FAR = 1.0
-#: Unstable cells nearer to the boundary than so many deviations are looked at motion by motion, and so many of those.
+#: Cells nearer to the boundary than so many deviations are doubtful. Unstable ones are looked at motion by motion, and
+#: so many of those.
 DOUBTFUL, MOTIONS = 3.0, 4
+#: At every so manieth speed and depth it is known first how large deviations are: in cells farther from zero than
+#: doubtful ones can be nobody asks for them.
+FEW = 4
 #: No ln|mu| is told to be surer than this.
 LEAST_DEVIATION = 1e-9
 
@@ -43,8 +47,8 @@ class Field:
 
     machine: as they were set up, otherwise as described; trials: (trial,) which ones; limits: (row,) which limit
     depths; spindle_speed [rad/s], axial_depth [m]; growth: (speed, depth), ln|mu|; deviation: its standard deviation,
-    less where a slower motion grows more surely, 0 farther than FAR from the boundary; both NaN where the model has no
-    answer.
+    less where a slower motion grows more surely, 0 so far from the boundary that it does not matter; both NaN where the
+    model has no answer.
     """
 
     machine: Machine
@@ -125,13 +129,21 @@ def _deviation(model: CampaignModel, machine: Machine, known: Belief, speed: Arr
     cells = _Cells(model=model, machine=machine, speed=speed, index=at_speed, depth=depths)
     growth = cells.growth(known.estimate)
     deviation = np.where(np.isnan(growth), np.nan, 0.0)
-    near = np.flatnonzero(np.abs(growth) < FAR)
     asides = list(_asides(model, known))
     if asides:
-        chosen = cells.select(near)
-        slope = np.stack([(chosen.growth(aside) - growth[near]) / by for _, aside, by in asides], axis=-1)
         correlation = known.correlation[np.ix_(*2 * [[index for index, _, _ in asides]])]
-        deviation[near] = _spread(slope, correlation)
+
+        def asked(near: Indices) -> Array:
+            """Return the deviations in some cells."""
+            chosen = cells.select(near)
+            slope = np.stack([(chosen.growth(aside) - growth[near]) / by for _, aside, by in asides], axis=-1)
+            return _spread(slope, correlation)
+
+        at_depth = np.tile(np.arange(len(depth)), len(speed))
+        few = (at_speed % FEW == 0) & (at_depth % FEW == 0)
+        largest = asked(np.flatnonzero(few & (np.abs(growth) < FAR))).max(initial=0.0)
+        near = np.flatnonzero(np.abs(growth) < min(FAR, DOUBTFUL * largest))
+        deviation[near] = asked(near)
         doubtful = np.flatnonzero((growth > 0.0) & (growth < DOUBTFUL * deviation))
         sureness = _sureness(cells.select(doubtful), known.estimate, asides, correlation)
         deviation[doubtful] = np.minimum(deviation[doubtful], growth[doubtful] / sureness)

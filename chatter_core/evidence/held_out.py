@@ -5,15 +5,16 @@ a speed are left out together. Receptances and the other measurements without cu
 trials and stay.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_core.evidence.calibration import calibrate
+from chatter_core.evidence.calibration import START_GAIN, calibrate
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.comparison import Comparison
+from chatter_core.evidence.fit import free_parameters, maximise
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.scores import Told, told
 
@@ -21,8 +22,6 @@ from chatter_core.evidence.scores import Told, told
 GROUPS = 5
 #: Speeds nearer than this to each other are one speed [ln].
 SAME_SPEED = 0.01
-#: Calibrations without some cuts end where the next step promises less [nats]: no prediction hangs on it.
-TRAINED = 0.5
 #: Fewer distinct speeds than this leave nothing to learn from.
 FEWEST_SPEEDS = 3
 
@@ -64,11 +63,12 @@ def groups(campaign: Campaign) -> int:
     return int(max((part.max() + 1 for part in speed_groups(campaign) if len(part)), default=0))
 
 
-def held_out(comparison: Comparison, start: Array, group: int) -> Told:
+def held_out(comparison: Comparison, calibrated: Array, group: int, before: Array | None = None) -> Told:
     """Return what a model says of one group's cuts that was calibrated with all others.
 
-    start: (parameter,), what was known before the campaign. A calibration with all data is none: where the posterior
-    has several maxima or an edge, it has already chosen among them by the cuts that are held out.
+    calibrated: (parameter,), by all data, where that calibration starts; before: (parameter,), what was known before
+    the campaign, from where it starts as well, and the higher end counts. A model that lacks an effect has several
+    maxima, and all data have chosen among them by the cuts that are held out, too.
 
     See docs/physics.md#comparison.
     """
@@ -77,11 +77,15 @@ def held_out(comparison: Comparison, start: Array, group: int) -> Told:
     training = replace(
         comparison, model=replace(model, campaign=_among(campaign, of_trial != group, of_limit != group))
     )
-    known = model.named(start)
-    before = np.array([known[parameter.name] for parameter in training.model.parameters])
-    found = training.model.named(calibrate(training, start=before, smallest_gain=TRAINED).estimate)
-    # What the training labels do not tell of, such as a marginal class that only the others have, stays as it was.
-    values = np.array([found.get(parameter.name, known[parameter.name]) for parameter in comparison.parameters])
+    starts = [_restricted(training, model.named(calibrated))]
+    if before is not None:
+        own = _restricted(training, model.named(before))
+        starts.append(calibrate(training, start=own, smallest_gain=START_GAIN).estimate)
+    free = free_parameters(training, (), *starts)
+    found = training.model.named(maximise(training, starts, free, len(starts)).values)
+    # What the training labels do not tell of, such as a marginal class that only the others have, is as it was before.
+    untold = model.named(model.nulls if before is None else before)
+    values = np.array([found.get(parameter.name, untold[parameter.name]) for parameter in comparison.parameters])
     said = told(comparison, values, model.predict(values))
     return Told(
         margin=np.where(of_trial == group, said.margin, np.nan),
@@ -89,6 +93,11 @@ def held_out(comparison: Comparison, start: Array, group: int) -> Told:
         chatter_frequency=np.where(of_trial == group, said.chatter_frequency, np.nan),
         limit_margin=np.where(of_limit == group, said.limit_margin, np.nan),
     )
+
+
+def _restricted(comparison: Comparison, known: Mapping[str, float]) -> Array:
+    """Return values (parameter,) of a comparison's own parameters."""
+    return np.array([known[parameter.name] for parameter in comparison.parameters])
 
 
 def together(parts: Sequence[Told]) -> Told:
