@@ -15,8 +15,6 @@ from chatter_core.machine import Machine
 LARGEST_FILE = 1_000_000
 #: Levels of lists and keys in one another; a machine has four.
 DEEPEST = 20
-#: Around the names that findings repeat.
-_QUOTE = "'"
 
 
 class _PlainLoader(yaml.SafeLoader):
@@ -173,10 +171,11 @@ def _allowed(kind: str, context: dict[str, Any], message: str) -> str:
     if kind in bounds:
         words, key = bounds[kind]
         return f"{words} {context[key]}"
+    named = str(context.get("discriminator", "")).strip("'")
     if kind == "union_tag_invalid":
-        return f"{context['discriminator'].strip(_QUOTE)}: one of {context['expected_tags']}"
+        return f"{named}: one of {context['expected_tags']}"
     if kind == "union_tag_not_found":
-        return f"keys and values, {context['discriminator'].strip(_QUOTE)} among them"
+        return f"keys and values, {named} among them"
     if kind.startswith("int"):
         return "a whole number"
     if kind.startswith(("float", "finite")):

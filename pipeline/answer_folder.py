@@ -5,8 +5,7 @@ An answer is written beside its place and then moved: a disk that fills up, or a
 
 import os
 import shutil
-from collections.abc import Callable, Collection, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -48,15 +47,6 @@ def require_room(output: Path, names: Iterable[Path | str]) -> None:
             raise InvalidInput(
                 [f"output: {place.parent} is {found}, and a folder of the answer is called so; name another"]
             )
-
-
-@contextmanager
-def told_where(path: Path, named: str = "output") -> Iterator[None]:
-    """Have an error of what is written told with its path; named: by which word people named it."""
-    try:
-        yield
-    except OSError as error:
-        raise InvalidInput([f"{named}: {path} cannot be written: {error.strerror or error}"]) from None
 
 
 def write_text(path: Path, text: str) -> None:

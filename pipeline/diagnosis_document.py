@@ -21,8 +21,6 @@ from pipeline.telling import plain
 
 #: Files.
 DOCUMENT, POWER = "diagnosis.json", "power.csv"
-#: Errors of every version of the model, which an improvement has beside its diagnoses.
-HISTORY = "history.csv"
 #: Measurements that are told of, those most worth their cost.
 MEASUREMENTS = 5
 #: Why intervals are of the curvature alone.

@@ -1,8 +1,11 @@
 """What can go wrong around the physics."""
 
 import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
-from chatter_core.errors import ChatterError
+from chatter_core.errors import ChatterError, InvalidInput
 
 #: What a disk answers of a file that it has lost a part of.
 LOST = {errno.EIO, errno.EBADMSG, errno.EUCLEAN}
@@ -31,3 +34,12 @@ class Unreadable(ValueError):
 def is_damage(error: OSError) -> bool:
     """Return whether an error is of the one file that was read: another may well be whole."""
     return not isinstance(error, StoreUnavailable) and error.errno in LOST
+
+
+@contextmanager
+def told_where(path: Path, named: str = "output") -> Iterator[None]:
+    """Have an error of what is written told with its path; named: by which word people named it."""
+    try:
+        yield
+    except OSError as error:
+        raise InvalidInput([f"{named}: {path} cannot be written: {error.strerror or error}"]) from None

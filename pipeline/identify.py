@@ -19,9 +19,10 @@ from chatter_core.machine import Machine, TipMode
 from chatter_core.tip import AXES
 from chatter_core.units import si_factor
 from pipeline import identify_figure
-from pipeline.answer_folder import told_where, write_text
+from pipeline.answer_folder import write_text
 from pipeline.campaigns import remarks
 from pipeline.configuration import Words, compose_settings, sort_words
+from pipeline.errors import told_where
 from pipeline.locking import make_folder
 from pipeline.telling import fact, remark, say, wrote
 from pipeline.verbs.campaigns import IdentifyOptions

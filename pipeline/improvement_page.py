@@ -12,12 +12,12 @@ from pipeline import comparison_figures, diagnosis_document, diagnosis_figures, 
 from pipeline.answer_folder import PAGE
 from pipeline.comparison_page import NAMES, PER_CENT, PLOTTED, plots_of
 from pipeline.diagnosis import Diagnosis
-from pipeline.diagnosis_document import DOCUMENT, HISTORY, POWER
+from pipeline.diagnosis_document import DOCUMENT, POWER
 from pipeline.diagnosis_page import FOLDER
 from pipeline.improvement import MOST_STEPS, Improvement
 
-#: Files beside those of a diagnosis and the history: the last diagnosis, and the picture of the history.
-LAST, PICTURE = "diagnosis_last.json", f"{FOLDER}/history.png"
+#: Files beside those of a diagnosis: errors of every version of the model, their picture, and the last diagnosis.
+HISTORY, PICTURE, LAST = "history.csv", f"{FOLDER}/history.png", "diagnosis_last.json"
 #: Everything that there may be to write.
 FILES = (*diagnosis_page.FILES, LAST, HISTORY, PICTURE)
 CAPTIONS = {

@@ -12,7 +12,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from chatter_core.errors import InvalidInput
-from pipeline.errors import StoreInUse
+from pipeline.errors import StoreInUse, told_where
 from pipeline.json_text import parsed
 
 #: What a file system answers that keeps no locks, or whose server keeps none.
@@ -75,14 +75,12 @@ def held_for_results(output: Path) -> Iterator[None]:
     new = [folder for folder in (output, *output.parents) if not folder.exists()]
     try:
         make_folder(output)
-        with locked(output):
+        with told_where(output), locked(output):
             yield
     except StoreInUse:
         # What is there belongs to the other run.
         raise
-    except BaseException as error:
+    except BaseException:
         for folder in new:
             remove_empty(folder)
-        if isinstance(error, OSError):
-            raise InvalidInput([f"output: {output} cannot be written: {error.strerror or error}"]) from None
         raise

@@ -15,8 +15,9 @@ from chatter_core.stages import Stages, stages_of
 from chatter_core.tip import AXES, most_modes
 from chatter_core.units import si_factor
 from chatter_core.variables import BIFURCATION, STATUS
-from pipeline.answer_folder import told_where, write_text
+from pipeline.answer_folder import write_text
 from pipeline.configuration import BASES, compose_settings, sort_words
+from pipeline.errors import told_where
 from pipeline.locking import make_folder
 from pipeline.telling import complain, fact, say, wrote
 from pipeline.verbs.studies import PointOptions

@@ -10,9 +10,10 @@ from chatter_core.evidence.measured import DIRECTIONS, PLANNED, Trials
 from chatter_core.evidence.planned import PlannedCuts, planned_campaign, predict_planned
 from chatter_core.units import si_factor
 from chatter_core.variables import STATUS
-from pipeline.answer_folder import told_where, write_text
+from pipeline.answer_folder import write_text
 from pipeline.campaigns import model_of, options_of, read
 from pipeline.configuration import sort_words
+from pipeline.errors import told_where
 from pipeline.locking import make_folder
 from pipeline.telling import complain, fact, say, wrote
 from pipeline.verbs.campaigns import PredictOptions

@@ -16,8 +16,9 @@ from chatter_core.evidence.columns import Table, column_like
 from chatter_core.evidence.measured import TABLES
 from chatter_core.machine import Machine
 from chatter_core.reading import inner_model
-from pipeline.answer_folder import told_where, write_whole
+from pipeline.answer_folder import write_whole
 from pipeline.configuration import compose_settings, sort_words
+from pipeline.errors import told_where
 from pipeline.locking import make_folder
 from pipeline.telling import program, wrote
 from pipeline.verbs.campaigns import TemplateOptions
