@@ -17,13 +17,16 @@ from pipeline.jobs import Job
 DRAWN_SETUPS = 4
 
 
-def held_out_jobs(comparison: Comparison, calibrated: Array, before: Array | None = None) -> list[Job]:
+def held_out_jobs(comparison: Comparison, calibrated: Array, before: Array, *, anew: bool = True) -> list[Job]:
     """Return a job for each group of cuts, told by a calibration without them; none where speeds are too few.
 
-    calibrated, before: as for ``held_out``.
+    calibrated, before, anew: as for ``held_out``.
     """
     return [
-        Job(name=f"cuts held out, group {group + 1}", call=partial(held_out, comparison, calibrated, group, before))
+        Job(
+            name=f"cuts held out, group {group + 1}",
+            call=partial(held_out, comparison, calibrated, before, group, anew=anew),
+        )
         for group in range(groups(comparison.model.campaign))
     ]
 

@@ -9,7 +9,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
+from scipy.ndimage import binary_dilation
 
 from chatter_core.chain import Structure, structure
 from chatter_core.evidence.belief import Belief
@@ -31,12 +33,11 @@ STEP = 0.03
 #: Where ln|mu| is farther than this from zero its deviation is not asked for, and told as none: there no parameter is
 #: so uncertain that it would matter.
 FAR = 1.0
-#: Cells nearer to the boundary than so many deviations are doubtful. Unstable ones are looked at motion by motion, and
-#: so many of those.
+#: Nor is it where ln|mu| is farther from zero than so many of the largest deviations, and all cells beside are as well.
+#: How large they are is known first, at every FEW-th speed and depth.
+ENOUGH, FEW = 3.0, 4
+#: Unstable cells nearer to the boundary than so many deviations are looked at motion by motion, and so many of those.
 DOUBTFUL, MOTIONS = 3.0, 4
-#: At every so manieth speed and depth it is known first how large deviations are: in cells farther from zero than
-#: doubtful ones can be nobody asks for them.
-FEW = 4
 #: No ln|mu| is told to be surer than this.
 LEAST_DEVIATION = 1e-9
 
@@ -139,15 +140,27 @@ def _deviation(model: CampaignModel, machine: Machine, known: Belief, speed: Arr
             slope = np.stack([(chosen.growth(aside) - growth[near]) / by for _, aside, by in asides], axis=-1)
             return _spread(slope, correlation)
 
+        wanted = np.abs(growth) < FAR
         at_depth = np.tile(np.arange(len(depth)), len(speed))
         few = (at_speed % FEW == 0) & (at_depth % FEW == 0)
-        largest = asked(np.flatnonzero(few & (np.abs(growth) < FAR))).max(initial=0.0)
-        near = np.flatnonzero(np.abs(growth) < min(FAR, DOUBTFUL * largest))
+        largest = np.nanmax(asked(np.flatnonzero(few & wanted)), initial=0.0)
+        close = _close(growth.reshape(len(speed), len(depth)), ENOUGH * largest)
+        near = np.flatnonzero(wanted & close.ravel())
         deviation[near] = asked(near)
         doubtful = np.flatnonzero((growth > 0.0) & (growth < DOUBTFUL * deviation))
         sureness = _sureness(cells.select(doubtful), known.estimate, asides, correlation)
         deviation[doubtful] = np.minimum(deviation[doubtful], growth[doubtful] / sureness)
     return deviation.reshape(len(speed), len(depth))
+
+
+def _close(growth: Array, reach: float) -> NDArray[np.bool_]:
+    """Return the cells (speed, depth) within reach of the boundary, or where it passes, and all beside them.
+
+    Between cells deviations are interpolated: those beside a band must not be none.
+    """
+    grows, beside = growth > 0.0, np.ones((3, 3))
+    passing = binary_dilation(grows, beside) & binary_dilation(~grows, beside)
+    return np.asarray(binary_dilation((np.abs(growth) < reach) | passing, beside))
 
 
 def _asides(model: CampaignModel, known: Belief) -> Iterator[tuple[int, Array, float]]:

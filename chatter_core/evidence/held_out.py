@@ -63,12 +63,13 @@ def groups(campaign: Campaign) -> int:
     return int(max((part.max() + 1 for part in speed_groups(campaign) if len(part)), default=0))
 
 
-def held_out(comparison: Comparison, calibrated: Array, group: int, before: Array | None = None) -> Told:
+def held_out(comparison: Comparison, calibrated: Array, before: Array, group: int, *, anew: bool = True) -> Told:
     """Return what a model says of one group's cuts that was calibrated with all others.
 
     calibrated: (parameter,), by all data, where that calibration starts; before: (parameter,), what was known before
-    the campaign, from where it starts as well, and the higher end counts. A model that lacks an effect has several
-    maxima, and all data have chosen among them by the cuts that are held out, too.
+    the campaign; anew: whether it starts from there as well, and the higher end counts. Where the posterior has several
+    maxima, as that of a model which lacks an effect often has, or an edge, all data have chosen among them by the
+    cuts that are held out, too.
 
     See docs/physics.md#comparison.
     """
@@ -78,13 +79,13 @@ def held_out(comparison: Comparison, calibrated: Array, group: int, before: Arra
         comparison, model=replace(model, campaign=_among(campaign, of_trial != group, of_limit != group))
     )
     starts = [_restricted(training, model.named(calibrated))]
-    if before is not None:
+    if anew:
         own = _restricted(training, model.named(before))
         starts.append(calibrate(training, start=own, smallest_gain=START_GAIN).estimate)
     free = free_parameters(training, (), *starts)
     found = training.model.named(maximise(training, starts, free, len(starts)).values)
     # What the training labels do not tell of, such as a marginal class that only the others have, is as it was before.
-    untold = model.named(model.nulls if before is None else before)
+    untold = model.named(before)
     values = np.array([found.get(parameter.name, untold[parameter.name]) for parameter in comparison.parameters])
     said = told(comparison, values, model.predict(values))
     return Told(
