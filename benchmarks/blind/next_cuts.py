@@ -20,7 +20,7 @@ from benchmarks.blind import kept
 from benchmarks.blind.choosing import kept_cases
 from benchmarks.blind.judgement import Case
 from benchmarks.blind.opening import truth_folder
-from benchmarks.blind.program import JUDGED_COLUMNS
+from benchmarks.blind.program import planned
 from benchmarks.blind.running import spread_calls
 from benchmarks.blind.summary import markdown
 from benchmarks.blind.tables import Rows, read_rows, write_rows
@@ -111,7 +111,7 @@ def _expected(hypotheses: Sequence[Hypothesis], cuts: Rows) -> list[Array]:
     """Return the probability by which each hypothesis expects each cut of a table to be called chatter, (cut,) each."""
     with tempfile.TemporaryDirectory() as scratch:
         plan = Path(scratch) / "plan.csv"
-        write_rows(plan, [{key: value for key, value in row.items() if key not in JUDGED_COLUMNS} for row in cuts])
+        write_rows(plan, planned(cuts))
         trials, order = planned_trials(plan, hypotheses[0].comparison.model.campaign.machine)
     return [expected_chatter(one, trials)[order] for one in hypotheses]
 

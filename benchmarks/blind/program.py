@@ -126,15 +126,19 @@ def _model_text(hypothesis: Hypothesis) -> str:
         return path.read_text(encoding="utf-8")
 
 
+def planned(cuts: Rows) -> Rows:
+    """Return cuts, rows of stability.csv, as they are before anybody has judged them."""
+    return [{key: value for key, value in row.items() if key not in JUDGED_COLUMNS} for row in cuts]
+
+
 def predicted_outcomes(folder: Path, cuts: Rows, model: str | None) -> list[str]:
     """Return what ``predict`` says of cuts, rows of stability.csv whose labels it does not get to see.
 
     model: a model file's text; without it the machine as described. A cut without an answer is "".
     """
-    kept = [{key: value for key, value in row.items() if key not in JUDGED_COLUMNS} for row in cuts]
     with tempfile.TemporaryDirectory() as scratch:
         trials, predictions, file = (Path(scratch) / name for name in ("trials.csv", "predictions.csv", "model.yaml"))
-        write_rows(trials, kept)
+        write_rows(trials, planned(cuts))
         words = [f"campaign={folder}", f"trials={trials}", f"predictions={predictions}"]
         if model is not None:
             file.write_text(model, encoding="utf-8")

@@ -133,24 +133,23 @@ def _deviation(model: CampaignModel, machine: Machine, known: Belief, speed: Arr
     asides = list(_asides(model, known))
     if asides:
         correlation = known.correlation[np.ix_(*2 * [[index for index, _, _ in asides]])]
-
-        def asked(near: Indices) -> Array:
-            """Return the deviations in some cells."""
-            chosen = cells.select(near)
-            slope = np.stack([(chosen.growth(aside) - growth[near]) / by for _, aside, by in asides], axis=-1)
-            return _spread(slope, correlation)
-
         wanted = np.abs(growth) < FAR
         at_depth = np.tile(np.arange(len(depth)), len(speed))
-        few = (at_speed % FEW == 0) & (at_depth % FEW == 0)
-        largest = np.nanmax(asked(np.flatnonzero(few & wanted)), initial=0.0)
+        few = np.flatnonzero(wanted & (at_speed % FEW == 0) & (at_depth % FEW == 0))
+        largest = np.nanmax(_moved(cells.select(few), growth[few], asides, correlation), initial=0.0)
         close = _close(growth.reshape(len(speed), len(depth)), ENOUGH * largest)
         near = np.flatnonzero(wanted & close.ravel())
-        deviation[near] = asked(near)
+        deviation[near] = _moved(cells.select(near), growth[near], asides, correlation)
         doubtful = np.flatnonzero((growth > 0.0) & (growth < DOUBTFUL * deviation))
         sureness = _sureness(cells.select(doubtful), known.estimate, asides, correlation)
         deviation[doubtful] = np.minimum(deviation[doubtful], growth[doubtful] / sureness)
     return deviation.reshape(len(speed), len(depth))
+
+
+def _moved(cells: "_Cells", growth: Array, asides: Sequence[tuple[int, Array, float]], correlation: Array) -> Array:
+    """Return by how much uncertain parameters move ln|mu| of cells (cell,) from where it is, a standard deviation."""
+    slope = np.stack([(cells.growth(aside) - growth) / by for _, aside, by in asides], axis=-1)
+    return _spread(slope, correlation)
 
 
 def _close(growth: Array, reach: float) -> NDArray[np.bool_]:

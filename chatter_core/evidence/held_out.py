@@ -79,14 +79,14 @@ def held_out(comparison: Comparison, calibrated: Array, before: Array, group: in
         comparison, model=replace(model, campaign=_among(campaign, of_trial != group, of_limit != group))
     )
     starts = [_restricted(training, model.named(calibrated))]
+    known = model.named(before)
     if anew:
-        own = _restricted(training, model.named(before))
+        own = _restricted(training, known)
         starts.append(calibrate(training, start=own, smallest_gain=START_GAIN).estimate)
     free = free_parameters(training, (), *starts)
     found = training.model.named(maximise(training, starts, free, len(starts)).values)
     # What the training labels do not tell of, such as a marginal class that only the others have, is as it was before.
-    untold = model.named(before)
-    values = np.array([found.get(parameter.name, untold[parameter.name]) for parameter in comparison.parameters])
+    values = _restricted(comparison, known | found)
     said = told(comparison, values, model.predict(values))
     return Told(
         margin=np.where(of_trial == group, said.margin, np.nan),
