@@ -173,6 +173,11 @@ def _score(score: Score | None) -> dict[str, Any] | None:
     return None if score is None else {name: plain(value) for name, value in vars(score).items()}
 
 
+def cautions(fit: Fit, what: str) -> list[str]:
+    """Return in a sentence that a fit has not arrived; none where it has. what: the subject of the sentence."""
+    return [] if fit.converged else [f"{what} did not converge: {fit.reason}. Take its numbers with care."]
+
+
 def _correlations(found: Assessment) -> list[dict[str, Any]]:
     """Return the pairs of parameters that the data hardly part, the strongest first."""
     fit = found.refitted.fit

@@ -119,8 +119,7 @@ def headlines(found: Assessment) -> list[str]:
             held = found.held_out_scores.get(name)
             then = f", {_percent(held.value)} on cuts that were held out" if held is not None else ""
             told.append(f"{HEADS[name]}: {before} by the model as described, {after} once calibrated{then}.")
-    if not found.refitted.fit.converged:
-        told.append(f"The calibration did not converge: {found.refitted.fit.reason}. Take its numbers with care.")
+    told += comparison_document.cautions(found.refitted.fit, "The calibration")
     if found.comparison.model.campaign.trials is not None and found.held_out is None:
         told.append("Cuts at three speeds or more are needed to hold some out.")
     count = len(found.refitted.failures)

@@ -15,7 +15,7 @@ from chatter_core.evidence.ranking import NOTHING, Ranked
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
 from chatter_core.units import si_factor
 from pipeline import corrections
-from pipeline.comparison_document import failure_data, measured, parameter_data
+from pipeline.comparison_document import cautions, failure_data, measured, parameter_data
 from pipeline.diagnosis import Diagnosis
 from pipeline.telling import plain
 
@@ -46,6 +46,7 @@ def document(found: Diagnosis, campaign: str) -> dict[str, Any]:
         "verdict": found.verdict.kind,
         "missing": list(found.verdict.missing),
         "text": found.verdict.text,
+        "cautions": unsettled(found),
         "ranking": [ranked_data(found, one) for one in found.ranking if one.name != NOTHING],
         "probability_of_none": next(one.probability for one in found.ranking if one.name == NOTHING),
         # Single effects and nothing missing share one probability; a pair stands beside them by its evidence.
@@ -81,8 +82,14 @@ def ranked_data(found: Diagnosis, one: Ranked) -> dict[str, Any]:
             for name, told in effect_parameters(found, best, candidate.name).items()
         },
         "calibration": parameters_of(best, {p.name for c in best.candidates for p in c.term.parameters}),
-        "converged": best.fit.converged,
+        "fit": {"converged": best.fit.converged, "reason": best.fit.reason},
     }
+
+
+def unsettled(found: Diagnosis) -> list[str]:
+    """Return in sentences which fits that the verdict rests on have not arrived: the base model's, the best one's."""
+    told = cautions(found.base.fit, "The calibration of the base model")
+    return told + ([] if found.best is found.base else cautions(found.best.fit, f"The fit with {found.best.name}"))
 
 
 def effect_parameters(found: Diagnosis, hypothesis: Hypothesis, effect: str) -> dict[str, Any]:

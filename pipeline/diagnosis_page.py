@@ -75,7 +75,7 @@ def ranking_rows(found: Diagnosis) -> list[list[str]]:
 
 def summary(found: Diagnosis) -> str:
     """Return the gist as text for a terminal."""
-    lines = ["", f"verdict: {found.verdict.kind}", found.verdict.text, ""]
+    lines = ["", f"verdict: {found.verdict.kind}", found.verdict.text, *diagnosis_document.unsettled(found), ""]
     widths = (42, 13, 10, 22)
     header = ["missing", "probability", "nats", "held-out error"]
     rows = ranking_rows(found)

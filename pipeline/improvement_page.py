@@ -53,10 +53,11 @@ WORTH_A_CUT = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """A diagnosis in short: of which model, its verdict and why, what it names, what that fits, fails and asks for."""
+    """A diagnosis in short: of which model, its verdict, why, with what care; what that fits, fails and asks for."""
 
     title: str
     text: str
+    cautions: list[str]
     rows: list[list[str]]
     fails: list[str]
     next_trial: str
@@ -172,6 +173,7 @@ def step(found: Diagnosis, document: dict[str, Any]) -> Step:
     return Step(
         title=f"{'With ' + model if model else 'Base model'}: {MEANINGS[found.verdict.kind]}",
         text=_readable(found.verdict.text),
+        cautions=[_readable(line) for line in document["cautions"]],
         rows=[row for one in named for row in _parameter_rows(one)],
         fails=[_readable(failure["text"]) for failure in document["still_fails"]],
         next_trial=_next_trial(found, document),

@@ -1,4 +1,4 @@
-"""What a hypothesis still fails in: sizes of its own effects are no failure, sizes of nuisances are."""
+"""What a verdict leaves: sizes of nuisances count as failures, an effect's own do not; unfinished fits are told."""
 
 from types import SimpleNamespace
 
@@ -8,6 +8,7 @@ import pytest
 from chatter_core.effects import variants
 from chatter_core.evidence.failures import Failure
 from pipeline.diagnosis import what_is_left
+from pipeline.diagnosis_document import unsettled
 
 
 def failure(quantity, **band):
@@ -36,3 +37,23 @@ def left(at_bound):
 @pytest.mark.parametrize(("at_bound", "counts"), [(False, ["outcome", "kn"]), (True, ["outcome", "kn", "own"])])
 def test_the_size_of_an_effect_counts_only_at_its_bound(at_bound, counts):
     assert left(at_bound) == [name.replace("own", "radial_immersion_error.error") for name in counts]
+
+
+def told_of(base, best=None):
+    """Return the cautions of a diagnosis whose base model and best hypothesis ended their climbs for such reasons."""
+    ends = {"the posterior has an edge": False, "the next step promises 0.001 nats": True}
+    first, last = (
+        SimpleNamespace(name=name, fit=SimpleNamespace(converged=ends[reason], reason=reason))
+        for name, reason in (("", base), ("holder_joint", best or base))
+    )
+    return unsettled(SimpleNamespace(base=first, best=first if best is None else last))
+
+
+def test_a_verdict_comes_with_a_word_about_every_fit_under_it_that_has_not_arrived():
+    edge, end = "the posterior has an edge", "the next step promises 0.001 nats"
+    of_base = f"The calibration of the base model did not converge: {edge}. Take its numbers with care."
+    of_best = f"The fit with holder_joint did not converge: {edge}. Take its numbers with care."
+    assert told_of(edge, edge) == [of_base, of_best]
+    assert told_of(end, edge) == [of_best]
+    assert told_of(edge, end) == told_of(edge) == [of_base]
+    assert told_of(end, end) == told_of(end) == []
