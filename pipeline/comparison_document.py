@@ -47,8 +47,7 @@ def document(found: Assessment, campaign: str) -> dict[str, Any]:
         "calibration": calibration(found),
         "correlations": _correlations(found),
         "fit": {
-            "converged": fit.converged,
-            "reason": fit.reason,
+            **fit_data(fit),
             "log_likelihood": fit.log_likelihood,
             "log_evidence": fit.log_evidence,
             "evaluations": fit.evaluations,
@@ -171,6 +170,11 @@ def _columns(name: str, said: Told) -> dict[str, Any]:
 
 def _score(score: Score | None) -> dict[str, Any] | None:
     return None if score is None else {name: plain(value) for name, value in vars(score).items()}
+
+
+def fit_data(fit: Fit) -> dict[str, Any]:
+    """Return as plain data how a fit ended."""
+    return {"converged": fit.converged, "reason": fit.reason}
 
 
 def cautions(fit: Fit, what: str) -> list[str]:

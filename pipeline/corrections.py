@@ -23,6 +23,7 @@ from chatter_core.evidence.corrections import (
 from chatter_core.evidence.pursuit import refit
 from chatter_core.units import si_factor, split_key
 from pipeline.cluster import Workers
+from pipeline.comparison_document import fit_data
 from pipeline.figures import COLOURS
 from pipeline.jobs import Job, spread
 
@@ -71,7 +72,7 @@ def _data(one: Told) -> dict[str, Any]:
         "evidence_nats": float(one.gain),
         "wanted": one.wanted,
         "checks_left": len(one.corrected.left),
-        "converged": one.corrected.fit.converged,
+        "fit": fit_data(one.corrected.fit),
         "places": one.places.tolist(),
         "level_without": one.level,
         "factor": one.factor.tolist(),

@@ -3,9 +3,10 @@
 from pathlib import Path
 
 from pipeline import diagnosis_document, diagnosis_page, judging, model_file
+from pipeline.after_verdict import completed, with_pictures
 from pipeline.campaigns import Asked
 from pipeline.cluster import Workers
-from pipeline.diagnosis import Diagnosis, check_enough, completed, diagnose, with_pictures
+from pipeline.diagnosis import Diagnosis, check_enough, diagnose
 from pipeline.judging import MODEL, Verb
 from pipeline.verbs.campaigns import DiagnoseOptions
 

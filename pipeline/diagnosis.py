@@ -2,35 +2,31 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from math import prod
-from typing import Any
 
 from chatter_core.cards import Card, ShownAsCard
 from chatter_core.effects import Effect, effect_names, variants
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, calibrate
-from chatter_core.evidence.assessment import Assessment, Limits, Version, curvature, version
+from chatter_core.evidence.assessment import Assessment, Limits, Version, version
 from chatter_core.evidence.belief import Belief, fitted
 from chatter_core.evidence.candidates import Candidate, Hypothesis, slope_of
 from chatter_core.evidence.failures import Failure
-from chatter_core.evidence.held_out import together
-from chatter_core.evidence.intervals import End
-from chatter_core.evidence.next_measurement import NextMeasurement, next_receptances, of_cut, other_cuts
-from chatter_core.evidence.next_trial import NextTrial, next_trial
+from chatter_core.evidence.next_measurement import NextMeasurement
+from chatter_core.evidence.next_trial import NextTrial
 from chatter_core.evidence.power import Power, power
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.evidence.pursuit import fit_hypothesis, ground, look, pursue, refit
 from chatter_core.evidence.ranking import NOTHING, Ranked, rank
-from chatter_core.evidence.scores import Score, cut_scores
+from chatter_core.evidence.scores import Score
 from chatter_core.evidence.verdict import PAIR_GAIN, Verdict, decide, failed_checks
 from pipeline.campaigns import settings_of
 from pipeline.cluster import Workers
-from pipeline.corrections import Corrections, correct
-from pipeline.jobs import Job, spread, spread_parts
+from pipeline.corrections import Corrections
+from pipeline.jobs import Job, spread
 from pipeline.model_file import Content
-from pipeline.pieces import held_out_jobs, interval_jobs, intervals, lobe_jobs
 
 #: Effects that restore what a base model was asked to leave out.
 RESTORING = {"speed_dependent_bearing": "base", "higher_modes": "modes"}
@@ -42,14 +38,8 @@ RISEN, GROUNDS = 1.0, 2
 SECONDS = 4
 #: Verdicts after which the best effect belongs to the model, although others may be tied with it.
 SUPPORTED = ("effect", "ambiguous")
-#: The first effect of a ranking is told of others where it is as probable as this, whatever the verdict.
-LIKELY = 0.1
 #: Of the ranking, so many are shown.
 SHOWN = 5
-#: Parts of what is computed when the verdict stands, beside the cuts held out, which bear the names of hypotheses.
-ENDS, CUTS, RESPONSES = "ends of intervals", "next cuts", "next receptances"
-#: A cut as the machine is set up, among kinds of cuts.
-PLAIN_CUT = "cut"
 #: Fewer cuts and responses together than this tell nothing.
 FEWEST_CUTS = 8
 
@@ -64,7 +54,7 @@ class Diagnosis(ShownAsCard):
     held out, by name; next_trial: the cut that would part the two best; next_measurements: that one and others, what
     is most worth its cost first; intervals: of the parameters of effects that are named, profiled; before_and_after:
     the base model and the best one with their lobes, for pictures, None where nothing is missing; corrections: without
-    a formula, where the verdict is ``unexplained``.
+    a formula, where the verdict is ``unexplained``. All after the verdict is found by ``pipeline.after_verdict``.
     """
 
     content: Content
@@ -196,77 +186,6 @@ def diagnose(
     )
 
 
-def completed(
-    workers: Workers | None, found: Diagnosis, belief: Belief, of_base: dict[str, Score] | None = None
-) -> Diagnosis:
-    """Return a diagnosis with all that helps to go on: errors on cuts held out, the next cut, and corrections.
-
-    belief: what was known of the parameters before the campaign; of_base: scores of the base model on cuts held out,
-    where they are known.
-    """
-    told_of = [one for one in _told_of_others(found) if of_base is None or one is not found.base]
-    known = {} if of_base is None else {NOTHING: of_base}
-    first, second = (one.best for one in found.ranking[:2]) if len(found.ranking) > 1 else (found.base, found.base)
-    # Together no worker waits for the last one of another part; what takes longest comes first.
-    parts = spread_parts(
-        workers,
-        {
-            **{name_of(one): _held_out_jobs(one, found.base, belief) for one in reversed(told_of)},
-            ENDS: _interval_jobs(found.supported),
-            **_next_jobs(first, second),
-        },
-    )
-    cut, measurements = _next(parts)
-    campaign = found.base.comparison.model.campaign
-    said = {name_of(one): parts[name_of(one)] for one in told_of if parts[name_of(one)]}
-    return replace(
-        found,
-        held_out=known | {name: cut_scores(campaign, together(groups)) for name, groups in said.items()},
-        next_trial=cut,
-        next_measurements=measurements,
-        intervals=_intervals(found.supported, parts[ENDS]),
-        corrections=correct(workers, found.base) if found.verdict.kind == "unexplained" else None,
-    )
-
-
-def intervals_of(workers: Workers | None, named: Hypothesis) -> dict[str, Limits]:
-    """Return the profile intervals of the parameters of effects that are named; none for the base model."""
-    return _intervals(named, spread(workers, _interval_jobs(named)))
-
-
-def _interval_jobs(named: Hypothesis) -> list[Job]:
-    return interval_jobs(named.comparison, named.fit, _own_parameters(named))
-
-
-def _intervals(named: Hypothesis, ends: Sequence[End | str]) -> dict[str, Limits]:
-    return intervals(named.fit, _own_parameters(named), ends)
-
-
-def _own_parameters(named: Hypothesis) -> list[str]:
-    """Return the names of the parameters of a hypothesis' effects."""
-    return [parameter.name for candidate in named.candidates for parameter in candidate.term.parameters]
-
-
-def _next_jobs(first: Hypothesis, second: Hypothesis) -> dict[str, list[Job]]:
-    """Return the jobs that find which cut would part two hypotheses, of each kind, and which receptances would."""
-    kinds: dict[str, dict[str, float]] = {PLAIN_CUT: {}, **other_cuts(first.comparison.model.campaign.machine)}
-    return {
-        CUTS: [Job(name=kind, call=partial(_next_cut, kind, first, second, own)) for kind, own in kinds.items()],
-        RESPONSES: [Job(name="receptances", call=partial(next_receptances, first, second))],
-    }
-
-
-def _next_cut(kind: str, first: Hypothesis, second: Hypothesis, own: dict[str, float]) -> tuple[str, NextTrial | None]:
-    return kind, next_trial(first, second, **own)
-
-
-def _next(parts: Mapping[str, list[Any]]) -> tuple[NextTrial | None, list[NextMeasurement]]:
-    """Return the cut that would part two hypotheses, and all measurements that would, by what they are worth."""
-    cuts = dict(parts[CUTS])
-    measurements = [*parts[RESPONSES][0], *(of_cut(kind, one) for kind, one in cuts.items() if one is not None)]
-    return cuts[PLAIN_CUT], sorted(measurements, key=lambda one: -one.worth)
-
-
 def _ranking(
     workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate]
 ) -> tuple[Hypothesis, list[Ranked]]:
@@ -298,33 +217,6 @@ def _climbed(workers: Workers | None, near: Sequence[Hypothesis]) -> list[Hypoth
         for index, one in zip(close, spread(workers, jobs), strict=True):
             found[index] = one
             ended.add(index)
-
-
-def side_by_side(
-    workers: Workers | None, before: tuple[Hypothesis, Version], after: tuple[Hypothesis, Version]
-) -> Assessment:
-    """Return two hypotheses that were judged side by side, with their lobes."""
-    parts = {"before": before, "after": after}
-    jobs = {name: lobe_jobs(one.comparison.model, told.belief, f"lobes {name}") for name, (one, told) in parts.items()}
-    fields = spread_parts(workers, jobs)
-    best, told = after
-    return Assessment(
-        comparison=best.comparison,
-        described=replace(before[1], fields=fields["before"]),
-        refitted=replace(told, fields=fields["after"]),
-        held_out=None,
-        held_out_scores={},
-        held_out_groups=0,
-        intervals={p.name: curvature(best.fit, p.name, "") for p in best.fit.parameters},
-    )
-
-
-def with_pictures(workers: Workers | None, found: Diagnosis) -> Diagnosis:
-    """Return a diagnosis with the lobes of the base model and of the best one, where that is another."""
-    if found.best is found.base:
-        return found
-    pair = [(one, found.version(one)) for one in (found.base, found.best)]
-    return replace(found, before_and_after=side_by_side(workers, *pair))
 
 
 def _judged(hypothesis: Hypothesis) -> Version:
@@ -379,21 +271,6 @@ def _pairs(
 def _powers(workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate]) -> list[Power]:
     slope = slope_of(base)
     return spread(workers, [Job(name=f"power for {one}", call=partial(power, base, one, slope)) for one in candidates])
-
-
-def _told_of_others(found: Diagnosis) -> list[Hypothesis]:
-    """Return the hypotheses that are judged on cuts held out: the base model, and the best or else a likely effect."""
-    effects = [one.best for one in found.ranking if one.name != NOTHING and one.probability > LIKELY]
-    return [found.base, *([found.best] if found.best is not found.base else effects[:1])]
-
-
-def _held_out_jobs(hypothesis: Hypothesis, base: Hypothesis, belief: Belief) -> list[Job]:
-    """Return jobs that tell cuts held out; from before the campaign starts the base model alone.
-
-    With an effect that takes several times as long, and hardly ever ends higher.
-    """
-    before = belief.about(hypothesis.comparison.model).estimate
-    return held_out_jobs(hypothesis.comparison, hypothesis.fit.estimate, before, anew=hypothesis is base)
 
 
 def effect_parameters(model: CampaignModel) -> set[str]:

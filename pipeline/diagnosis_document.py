@@ -15,7 +15,7 @@ from chatter_core.evidence.ranking import NOTHING, Ranked
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
 from chatter_core.units import si_factor
 from pipeline import corrections
-from pipeline.comparison_document import cautions, failure_data, measured, parameter_data
+from pipeline.comparison_document import cautions, failure_data, fit_data, measured, parameter_data
 from pipeline.diagnosis import Diagnosis
 from pipeline.telling import plain
 
@@ -82,7 +82,7 @@ def ranked_data(found: Diagnosis, one: Ranked) -> dict[str, Any]:
             for name, told in effect_parameters(found, best, candidate.name).items()
         },
         "calibration": parameters_of(best, {p.name for c in best.candidates for p in c.term.parameters}),
-        "fit": {"converged": best.fit.converged, "reason": best.fit.reason},
+        "fit": fit_data(best.fit),
     }
 
 

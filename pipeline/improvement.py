@@ -12,9 +12,10 @@ from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.held_out import groups
 from chatter_core.evidence.ranking import NOTHING
 from chatter_core.evidence.scores import ERRORS, Score
+from pipeline.after_verdict import completed, side_by_side, with_pictures
 from pipeline.campaigns import Asked, model_of
 from pipeline.cluster import Workers
-from pipeline.diagnosis import Diagnosis, completed, diagnose, side_by_side, with_pictures
+from pipeline.diagnosis import Diagnosis, diagnose
 from pipeline.model_file import Content
 
 #: Effects are added so many times at most.

@@ -18,6 +18,8 @@ SOURCES = (
     "chatter_core/**/*.py",
     "configs/effects/*.yaml",
     "pipeline/diagnosis.py",
+    "pipeline/after_verdict.py",
+    "pipeline/pieces.py",
     "pipeline/diagnosis_document.py",
     "pipeline/model_file.py",
     "pipeline/predict.py",

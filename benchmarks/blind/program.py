@@ -30,7 +30,8 @@ from chatter_core.evidence.parameters import Array, Parameter, column
 from chatter_core.evidence.prediction import QUANTITIES, Prediction
 from chatter_core.stages import Stages, Term
 from pipeline import model_file, predict
-from pipeline.diagnosis import Diagnosis, check_enough, diagnose, intervals_of
+from pipeline.after_verdict import intervals_of
+from pipeline.diagnosis import Diagnosis, check_enough, diagnose
 from pipeline.diagnosis_document import document
 from pipeline.model_file import Content
 

@@ -23,6 +23,7 @@ from chatter_core.evidence.likelihood import balanced_error
 from chatter_core.evidence.measured import OUTCOMES
 from pipeline import comparison_figures, model_file
 from pipeline.__main__ import main
+from tests.documentation.answers import undocumented, undocumented_columns, unseen
 from tests.pipeline.browser import needs_chromium, opened
 from tests.synthetic import campaign, tip_machine, trials
 
@@ -93,6 +94,14 @@ def test_everything_is_written_and_says_the_same(down_milling):
         with Image.open(down_milling / "figures" / f"{name}.png") as picture:
             assert picture.size[0] > 1000
     assert not (down_milling / "figures" / "receptances.png").exists()
+
+
+def test_what_is_written_is_what_the_reference_says_and_nothing_else(down_milling):
+    document = json.loads((down_milling / "comparison.json").read_text())
+    assert undocumented(document, "comparison.json") == unseen(document, "comparison.json") == set()
+    assert undocumented_columns(table(down_milling / "trials.csv")[0], "trials.csv") == set()
+    model = yaml.safe_load((down_milling / "model.yaml").read_text())
+    assert undocumented(model, "model.yaml", but=["machine"]) == set()
 
 
 #: What the plot of the lobes shows: how many points its boundary has, and which colours its trials of an outcome.

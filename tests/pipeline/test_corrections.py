@@ -11,6 +11,7 @@ from chatter_core.evidence.verdict import Verdict
 from pipeline import diagnosis
 from pipeline.__main__ import main
 from pipeline.corrections import correct, data, figure
+from tests.documentation.answers import undocumented, unseen
 from tests.synthetic import RPM, campaign, measured, tip_machine, trials
 
 CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
@@ -68,6 +69,7 @@ def test_a_diagnosis_that_explains_nothing_shows_them(tmp_path, monkeypatch):
     assert main(["diagnose", f"campaign={folder}", f"output={output}", "cluster=serial"]) == 0
     document = json.loads((output / "diagnosis.json").read_text())
     assert document["corrections"]
+    assert undocumented(document, "diagnosis.json") == unseen(document, "diagnosis.json") == set()
     assert document["corrections_text"]
     assert (output / "figures" / "corrections.png").stat().st_size > 5_000
     page = (output / "report.html").read_text()

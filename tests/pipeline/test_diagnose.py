@@ -14,6 +14,7 @@ import yaml
 from pipeline import improvement_figure, improvement_page
 from pipeline.__main__ import main
 from pipeline.comparison_page import PLOTTED
+from tests.documentation.answers import undocumented, undocumented_columns, unseen
 from tests.documentation.commands import ROOT, answer_below, asked_for
 
 CAMPAIGNS = ROOT / "tests" / "data" / "campaigns"
@@ -73,6 +74,14 @@ def test_a_diagnosis_has_one_of_five_answers_and_its_reasons(improved):
     assert "What was missing: r01" in page
 
 
+def test_what_is_written_is_what_the_reference_says(improved):
+    for name in ("diagnosis.json", "diagnosis_last.json"):
+        document = json.loads((improved / name).read_text())
+        assert undocumented(document, "diagnosis.json") == unseen(document, "diagnosis.json") == set()
+    for name in ("history.csv", "power.csv"):
+        assert undocumented_columns(pd.read_csv(improved / name).columns, name) == set()
+
+
 def test_a_history_begins_as_described_and_its_model_predicts(improved, tmp_path):
     with (improved / "history.csv").open() as file:
         history = list(csv.DictReader(file))
@@ -87,7 +96,10 @@ def test_a_history_begins_as_described_and_its_model_predicts(improved, tmp_path
     words = [f"campaign={CAMPAIGNS / 'r01'}", f"model={improved / 'model.yaml'}", f"trials={trials}"]
     assert main(["predict", *words, f"predictions={tmp_path / 'out.csv'}"]) == 0
     with (tmp_path / "out.csv").open() as file:
-        assert [row["predicted_outcome"] for row in csv.DictReader(file)] == ["chatter", "stable"]
+        predicted = list(csv.DictReader(file))
+    assert [row["predicted_outcome"] for row in predicted] == ["chatter", "stable"]
+    own = predicted[0].keys() - {"trial", "spindle_speed_rpm", "axial_depth_mm"}
+    assert undocumented_columns(own, "predictions") == unseen(dict.fromkeys(own, 1), "predictions") == set()
 
 
 def test_the_page_of_an_improvement_tells_how_the_error_fell_step_by_step(improved):

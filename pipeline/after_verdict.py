@@ -1,0 +1,141 @@
+"""What helps to go on once a verdict stands: errors on cuts held out, intervals, what to measure next, pictures."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from chatter_core.evidence.assessment import Assessment, Limits, Version, curvature
+from chatter_core.evidence.belief import Belief
+from chatter_core.evidence.candidates import Hypothesis
+from chatter_core.evidence.held_out import together
+from chatter_core.evidence.intervals import End
+from chatter_core.evidence.next_measurement import NextMeasurement, next_receptances, of_cut, other_cuts
+from chatter_core.evidence.next_trial import NextTrial, next_trial
+from chatter_core.evidence.ranking import NOTHING
+from chatter_core.evidence.scores import Score, cut_scores
+from pipeline.cluster import Workers
+from pipeline.corrections import correct
+from pipeline.diagnosis import Diagnosis, name_of
+from pipeline.jobs import Job, spread, spread_parts
+from pipeline.pieces import held_out_jobs, interval_jobs, intervals, lobe_jobs
+
+#: The first effect of a ranking is told of others where it is as probable as this, whatever the verdict.
+LIKELY = 0.1
+#: Parts of what is computed when the verdict stands, beside the cuts held out, which bear the names of hypotheses.
+ENDS, CUTS, RESPONSES = "ends of intervals", "next cuts", "next receptances"
+#: A cut as the machine is set up, among kinds of cuts.
+PLAIN_CUT = "cut"
+
+
+def completed(
+    workers: Workers | None, found: Diagnosis, belief: Belief, of_base: dict[str, Score] | None = None
+) -> Diagnosis:
+    """Return a diagnosis with all that helps to go on: errors on cuts held out, the next cut, and corrections.
+
+    belief: what was known of the parameters before the campaign; of_base: scores of the base model on cuts held out,
+    where they are known.
+    """
+    told_of = [one for one in _told_of_others(found) if of_base is None or one is not found.base]
+    known = {} if of_base is None else {NOTHING: of_base}
+    first, second = (one.best for one in found.ranking[:2]) if len(found.ranking) > 1 else (found.base, found.base)
+    # Together no worker waits for the last one of another part; what takes longest comes first.
+    parts = spread_parts(
+        workers,
+        {
+            **{name_of(one): _held_out_jobs(one, found.base, belief) for one in reversed(told_of)},
+            ENDS: _interval_jobs(found.supported),
+            **_next_jobs(first, second),
+        },
+    )
+    cut, measurements = _next(parts)
+    campaign = found.base.comparison.model.campaign
+    said = {name_of(one): parts[name_of(one)] for one in told_of if parts[name_of(one)]}
+    return replace(
+        found,
+        held_out=known | {name: cut_scores(campaign, together(groups)) for name, groups in said.items()},
+        next_trial=cut,
+        next_measurements=measurements,
+        intervals=_intervals(found.supported, parts[ENDS]),
+        corrections=correct(workers, found.base) if found.verdict.kind == "unexplained" else None,
+    )
+
+
+def intervals_of(workers: Workers | None, named: Hypothesis) -> dict[str, Limits]:
+    """Return the profile intervals of the parameters of effects that are named; none for the base model."""
+    return _intervals(named, spread(workers, _interval_jobs(named)))
+
+
+def side_by_side(
+    workers: Workers | None, before: tuple[Hypothesis, Version], after: tuple[Hypothesis, Version]
+) -> Assessment:
+    """Return two hypotheses that were judged side by side, with their lobes."""
+    parts = {"before": before, "after": after}
+    jobs = {name: lobe_jobs(one.comparison.model, told.belief, f"lobes {name}") for name, (one, told) in parts.items()}
+    fields = spread_parts(workers, jobs)
+    best, told = after
+    return Assessment(
+        comparison=best.comparison,
+        described=replace(before[1], fields=fields["before"]),
+        refitted=replace(told, fields=fields["after"]),
+        held_out=None,
+        held_out_scores={},
+        held_out_groups=0,
+        intervals={p.name: curvature(best.fit, p.name, "") for p in best.fit.parameters},
+    )
+
+
+def with_pictures(workers: Workers | None, found: Diagnosis) -> Diagnosis:
+    """Return a diagnosis with the lobes of the base model and of the best one, where that is another."""
+    if found.best is found.base:
+        return found
+    pair = [(one, found.version(one)) for one in (found.base, found.best)]
+    return replace(found, before_and_after=side_by_side(workers, *pair))
+
+
+def _told_of_others(found: Diagnosis) -> list[Hypothesis]:
+    """Return the hypotheses that are judged on cuts held out: the base model, and the best or else a likely effect."""
+    effects = [one.best for one in found.ranking if one.name != NOTHING and one.probability > LIKELY]
+    return [found.base, *([found.best] if found.best is not found.base else effects[:1])]
+
+
+def _held_out_jobs(hypothesis: Hypothesis, base: Hypothesis, belief: Belief) -> list[Job]:
+    """Return jobs that tell cuts held out; from before the campaign starts the base model alone.
+
+    With an effect that takes several times as long, and hardly ever ends higher.
+    """
+    before = belief.about(hypothesis.comparison.model).estimate
+    return held_out_jobs(hypothesis.comparison, hypothesis.fit.estimate, before, anew=hypothesis is base)
+
+
+def _interval_jobs(named: Hypothesis) -> list[Job]:
+    return interval_jobs(named.comparison, named.fit, _own_parameters(named))
+
+
+def _intervals(named: Hypothesis, ends: Sequence[End | str]) -> dict[str, Limits]:
+    return intervals(named.fit, _own_parameters(named), ends)
+
+
+def _own_parameters(named: Hypothesis) -> list[str]:
+    """Return the names of the parameters of a hypothesis' effects."""
+    return [parameter.name for candidate in named.candidates for parameter in candidate.term.parameters]
+
+
+def _next_jobs(first: Hypothesis, second: Hypothesis) -> dict[str, list[Job]]:
+    """Return the jobs that find which cut would part two hypotheses, of each kind, and which receptances would."""
+    kinds: dict[str, dict[str, float]] = {PLAIN_CUT: {}, **other_cuts(first.comparison.model.campaign.machine)}
+    return {
+        CUTS: [Job(name=kind, call=partial(_next_cut, kind, first, second, own)) for kind, own in kinds.items()],
+        RESPONSES: [Job(name="receptances", call=partial(next_receptances, first, second))],
+    }
+
+
+def _next_cut(kind: str, first: Hypothesis, second: Hypothesis, own: dict[str, float]) -> tuple[str, NextTrial | None]:
+    return kind, next_trial(first, second, **own)
+
+
+def _next(parts: Mapping[str, list[Any]]) -> tuple[NextTrial | None, list[NextMeasurement]]:
+    """Return the cut that would part two hypotheses, and all measurements that would, by what they are worth."""
+    cuts = dict(parts[CUTS])
+    measurements = [*parts[RESPONSES][0], *(of_cut(kind, one) for kind, one in cuts.items() if one is not None)]
+    return cuts[PLAIN_CUT], sorted(measurements, key=lambda one: -one.worth)
