@@ -16,6 +16,11 @@ from chatter_core.tip import TipModes, state_space
 COLLOCATION = MethodSettings(name="collocation", tolerance=1e-4)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what takes longest: files are spread over processes, and none should be left with it in the end."""
+    items.sort(key=lambda item: item.path.name != "test_tutorial.py")
+
+
 @pytest.fixture(scope="session")
 def reference_machine() -> Machine:
     """The machine of the reference study, read from the shipped configs."""

@@ -96,12 +96,13 @@ class Campaign(ShownAsCard):
         return (float(stated.min()), float(stated.max())) if len(stated) else ()
 
 
-def read_campaign(folder: Path) -> Campaign:
+def read_campaign(folder: str | Path) -> Campaign:
     """Return the campaign in a folder.
 
     Raises InvalidInput with the findings of all files, each naming file, line and column or key, what
     was found and what is allowed.
     """
+    folder = Path(folder)
     if not folder.is_dir():
         what = "is a file" if folder.is_file() else "no such folder"
         meant = f"; did you mean {folder.parent}?" if folder.is_file() else near_path(folder)

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -169,17 +170,19 @@ def refined(band: Band, poles: Array, weight: Array, tolerance: float = FINAL_TO
     amplitudes[:count] = np.maximum(amplitudes[:count], LEAST_COMPLIANCE)
     bounds = _bounds(band, count)
     start = np.clip(np.concatenate([np.log(poles).ravel(), amplitudes, [0.0]]), *bounds)
-    solution = scipy.optimize.least_squares(
-        lambda values: _residual(band, values, weight),
-        start,
-        lambda values: _slopes(band, values, weight),
-        bounds=bounds,
-        x_scale="jac",
-        xtol=FINAL_TOLERANCE,
-        ftol=tolerance,
-        gtol=1e-15,
-        max_nfev=200,
-    )
+    # Of matrices with a dozen columns several threads take several times as long as one: they wait for one another.
+    with threadpool_limits(1):
+        solution = scipy.optimize.least_squares(
+            lambda values: _residual(band, values, weight),
+            start,
+            lambda values: _slopes(band, values, weight),
+            bounds=bounds,
+            x_scale="jac",
+            xtol=FINAL_TOLERANCE,
+            ftol=tolerance,
+            gtol=1e-15,
+            max_nfev=200,
+        )
     poles, amplitudes, phase = _split(solution.x)
     return Fit(
         poles=poles,

@@ -56,7 +56,7 @@ def told(folder, content, file="stability.csv"):
     ],
 )
 def test_measured_campaigns_are_read_without_a_word(name, trials, responses):
-    campaign = read_campaign(CAMPAIGNS / name)
+    campaign = read_campaign(str(CAMPAIGNS / name))
     assert len(campaign.trials) == trials
     assert len(campaign.receptances) == responses
     assert np.all(np.diff(campaign.trials.trial) > 0)

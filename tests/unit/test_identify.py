@@ -5,9 +5,11 @@ import re
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from chatter_core.chain import structure
 from chatter_core.errors import InvalidInput
+from chatter_core.evidence import modal_fit
 from chatter_core.evidence.identified_tip import FREQUENCY_ERROR, GAIN_ERROR, identify_tip
 from chatter_core.evidence.identify import FLOOR_ERROR, RELATIVE_ERROR, identify_modes
 from chatter_core.evidence.measured import Receptance
@@ -122,6 +124,25 @@ def test_the_number_of_modes_is_found_in_noise(seed):
     assert len(found) == 2
     assert found.natural_frequency / HERTZ == pytest.approx([700.0, 1900.0], rel=0.005)
     assert np.argmin(found.criterion) == 2
+
+
+def test_a_fit_keeps_to_one_thread_whatever_the_process_has(monkeypatch):
+    """Threads wait for one another there: two take seven times as long as one."""
+    seen = []
+
+    def noted(*given):
+        seen.append({pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"})
+        return residual(*given)
+
+    residual = modal_fit._residual
+    monkeypatch.setattr(modal_fit, "_residual", noted)
+    with threadpool_limits(2):
+        before = [pool["num_threads"] for pool in threadpool_info()]
+        identify_modes(BAND, direct(), mode_count=2)
+        assert [pool["num_threads"] for pool in threadpool_info()] == before
+    assert before == [2] * len(before)
+    assert seen
+    assert all(one == {1} for one in seen)
 
 
 def test_misfit_says_when_two_modes_do_not_explain_it():
