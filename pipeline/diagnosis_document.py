@@ -23,6 +23,8 @@ from pipeline.telling import plain
 DOCUMENT, POWER = "diagnosis.json", "power.csv"
 #: Measurements that are told of, those most worth their cost.
 MEASUREMENTS = 5
+#: A measurement that is expected to tell less than this parts nothing [nats].
+WORTH_ITS_COST = 0.01
 #: Why intervals are of the curvature alone.
 NOT_PROFILED = "not profiled: a diagnosis fits too many models"
 
@@ -60,7 +62,7 @@ def document(found: Diagnosis, campaign: str) -> dict[str, Any]:
         "corrections_text": None if found.corrections is None else found.corrections.text,
         "errors": errors(found),
         "next_trial": next_trial_data(found),
-        "next_measurements": [measurement_data(one) for one in found.next_measurements[:MEASUREMENTS]],
+        "next_measurements": next_measurements_data(found),
         "power": power_table(found).to_dict(orient="records"),
         "measured": measured(found.base.comparison.model.campaign),
     }
@@ -137,14 +139,25 @@ def next_trial_data(found: Diagnosis) -> dict[str, Any] | None:
     speed = trial.spindle_speed / si_factor("spindle_speed_rpm")
     depth = trial.axial_depth / si_factor("axial_depth_mm")
     chances = [f"{100.0 * p:.0f} % by {name}" for p, name in zip(trial.probability, names, strict=True)]
+    text = (
+        f"A cut at {speed:.0f} rpm and {depth:.3g} mm would chatter with {chances[0]} and {chances[1]}: "
+        f"expected to tell {trial.expected_gain:.2g} nats."
+        if trial.expected_gain >= WORTH_ITS_COST
+        else "No cut at the speeds and depths of the campaign would part the two most probable answers."
+    )
     return {
         "spindle_speed_rpm": speed,
         "axial_depth_mm": depth,
         "separates": names,
         "expected_gain_nats": trial.expected_gain,
-        "text": f"A cut at {speed:.0f} rpm and {depth:.3g} mm would chatter with {chances[0]} and {chances[1]}: "
-        f"expected to tell {trial.expected_gain:.2g} nats.",
+        "text": text,
     }
+
+
+def next_measurements_data(found: Diagnosis) -> list[dict[str, Any]]:
+    """Return the measurements that would part the two best hypotheses, none where nothing would."""
+    worth = [one for one in found.next_measurements if one.expected_gain >= WORTH_ITS_COST]
+    return [measurement_data(one) for one in worth[:MEASUREMENTS]]
 
 
 def measurement_data(one: NextMeasurement) -> dict[str, Any]:

@@ -47,8 +47,6 @@ HEADS = {
     "natural_frequency": "Error of natural frequencies",
     "bearing_stiffness": "Error of bearing stiffnesses",
 }
-#: A cut that is expected to tell less than this parts nothing [nats].
-WORTH_A_CUT = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,17 +174,8 @@ def step(found: Diagnosis, document: dict[str, Any]) -> Step:
         cautions=[_readable(line) for line in document["cautions"]],
         rows=[row for one in named for row in _parameter_rows(one)],
         fails=[_readable(failure["text"]) for failure in document["still_fails"]],
-        next_trial=_next_trial(found, document),
+        next_trial=_readable(document["next_trial"]["text"]) if document["next_trial"] is not None else "",
     )
-
-
-def _next_trial(found: Diagnosis, document: dict[str, Any]) -> str:
-    """Return which cut would part the two best answers, in words; nothing where no cuts were made."""
-    if found.next_trial is None or document["next_trial"] is None:
-        return ""
-    if found.next_trial.expected_gain < WORTH_A_CUT:
-        return "No cut at the speeds and depths of the campaign would part the two best answers."
-    return _readable(document["next_trial"]["text"])
 
 
 def _parameter_rows(one: dict[str, Any]) -> list[list[str]]:
