@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
+# One thread of linear algebra a process: plugins load numpy before the program could say so.
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest
 STUDY  ?= reference
 ARGS   ?=
 SEEDS  ?= test
@@ -49,7 +51,7 @@ tutorial: $(VENV)/.installed-test ## the improvement of docs/tutorial.md, its pi
 		output=results/improve-paper_campaign $(ARGS)
 	cp results/improve-paper_campaign/figures/history.png docs/images/tutorial_error.png
 	cp results/improve-paper_campaign/figures/lobes.png docs/images/tutorial_lobes.png
-	TUTORIAL=1 $(BIN)/pytest -q tests/pipeline/test_tutorial.py
+	TUTORIAL=1 $(PYTEST) -q tests/pipeline/test_tutorial.py
 
 template: $(VENV)/.installed ## an empty measurement campaign to fill in, by ARGS=output=DIR
 	$(BIN)/python -m pipeline template $(ARGS)
@@ -85,7 +87,7 @@ blind: $(VENV)/.installed ## hidden effects diagnosed blind and judged, into FOL
 	$(BIN)/python -m benchmarks.blind $(SEEDS) $(FOLDER) $(ARGS)
 
 soak: $(VENV)/.installed-test ## 100 flipped bits of a store found; a study of 2000 chunks killed 20 times and resumed, into results/soak (some minutes)
-	FLIPS=100 $(BIN)/pytest -q tests/pipeline/test_verify.py -k flip
+	FLIPS=100 $(PYTEST) -q tests/pipeline/test_verify.py -k flip
 	rm -rf results/soak
 	$(BIN)/python -m tests.soak results/soak $(ARGS)
 
@@ -94,7 +96,7 @@ slurm: $(VENV)/.installed-test $(VENV)/.debian ## a study in a job of a SLURM on
 	$(BIN)/python -m tests.cluster results/slurm
 
 fuzz: $(VENV)/.installed-test ## mutated files and words by the thousand, each read or told in sentences (half an hour)
-	FUZZ_EXAMPLES=5000 $(BIN)/pytest -n 2 tests/property/test_hostile_*.py $(ARGS)
+	FUZZ_EXAMPLES=5000 $(PYTEST) -n 2 tests/property/test_hostile_*.py $(ARGS)
 
 docs: $(VENV)/.installed-docs ## the documentation as pages for a browser, into build/docs; nothing in them is fetched from a network
 	$(BIN)/python -m sphinx --fail-on-warning --quiet --fresh-env --doctree-dir build/doctrees docs build/docs
@@ -105,7 +107,7 @@ test: $(VENV)/.installed-test $(VENV)/.debian ## style, types, import contracts 
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	OMP_NUM_THREADS=1 $(BIN)/pytest -n 3 --dist loadfile --no-loadscope-reorder $(ARGS)
+	$(PYTEST) -n 3 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 clean: ## remove the environment and caches, keep results
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

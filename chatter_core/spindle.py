@@ -15,16 +15,15 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from threading import Lock
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
 from chatter_core.joint import CLOSED, Joint, OpenFreedom
 from chatter_core.machine import Damping, Section, Spindle
+from chatter_core.threads import one_thread
 
 Array = NDArray[np.float64]
 
@@ -39,8 +38,6 @@ KEPT_MODES = 20
 REFERENCE_SEAT_STIFFNESS = 1e8
 #: Reduced rotors that are remembered.
 ROTORS_KEPT = 64
-#: Held by whoever makes one to remember, see ``_reduced``.
-_ONE_AT_A_TIME = Lock()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -308,9 +305,8 @@ def reduced(spindle: Spindle, joints: tuple[Joint, ...] = ()) -> ReducedRotor:
 
 @lru_cache(maxsize=ROTORS_KEPT)
 def _reduced(shaft: Spindle, joints: tuple[Joint, ...]) -> ReducedRotor:
-    # Last digits of sums hang on the number of threads, and what is remembered must not hang on who asked first. That
-    # number is one for the whole process: whoever set it back would do so for others that still compute.
-    with _ONE_AT_A_TIME, threadpool_limits(1):
+    # Last digits of sums hang on the number of threads, and what is remembered must not hang on who asked first.
+    with one_thread():
         rotor = reduce_rotor(assemble(shaft, joints=joints))
     for array in (rotor.stiffness, rotor.gyroscopic, rotor.seat, rotor.tip, rotor.joint):
         array.flags.writeable = False

@@ -112,6 +112,16 @@ def parameter_data(fit: Fit, name: str, limits: Limits) -> dict[str, Any]:
     }
 
 
+def fit_data(fit: Fit) -> dict[str, Any]:
+    """Return as plain data how a fit ended."""
+    return {"converged": fit.converged, "reason": fit.reason}
+
+
+def cautions(fit: Fit, what: str) -> list[str]:
+    """Return in a sentence that a fit has not arrived; none where it has. what: the subject of the sentence."""
+    return [] if fit.converged else [f"{what} did not converge: {fit.reason}. Take its numbers with care."]
+
+
 def failure_data(failure: Failure) -> dict[str, Any]:
     """Return a failure as plain data."""
     return {name: plain(value) for name, value in vars(failure).items()}
@@ -170,16 +180,6 @@ def _columns(name: str, said: Told) -> dict[str, Any]:
 
 def _score(score: Score | None) -> dict[str, Any] | None:
     return None if score is None else {name: plain(value) for name, value in vars(score).items()}
-
-
-def fit_data(fit: Fit) -> dict[str, Any]:
-    """Return as plain data how a fit ended."""
-    return {"converged": fit.converged, "reason": fit.reason}
-
-
-def cautions(fit: Fit, what: str) -> list[str]:
-    """Return in a sentence that a fit has not arrived; none where it has. what: the subject of the sentence."""
-    return [] if fit.converged else [f"{what} did not converge: {fit.reason}. Take its numbers with care."]
 
 
 def _correlations(found: Assessment) -> list[dict[str, Any]]:

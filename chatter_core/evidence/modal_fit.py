@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
+
+from chatter_core.threads import one_thread
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -171,7 +172,7 @@ def refined(band: Band, poles: Array, weight: Array, tolerance: float = FINAL_TO
     bounds = _bounds(band, count)
     start = np.clip(np.concatenate([np.log(poles).ravel(), amplitudes, [0.0]]), *bounds)
     # Of matrices with a dozen columns several threads take several times as long as one: they wait for one another.
-    with threadpool_limits(1):
+    with one_thread():
         solution = scipy.optimize.least_squares(
             lambda values: _residual(band, values, weight),
             start,

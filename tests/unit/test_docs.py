@@ -12,8 +12,8 @@ import pytest
 import chatter_core
 
 PAGE = (Path(__file__).parents[2] / "docs" / "physics.md").read_text(encoding="utf-8")
-#: Modules around the physics: names, units, errors, what a user writes and measures.
-NOT_PHYSICS = {"errors", "units", "variables", "machine", "reading", "method", "jit"} | {
+#: Modules around the physics: names, units, errors, threads, what a user writes and measures.
+NOT_PHYSICS = {"errors", "units", "variables", "machine", "reading", "method", "jit", "threads"} | {
     "campaign", "columns", "findings", "measured", "table", "uff",
 }  # fmt: skip
 
