@@ -69,12 +69,12 @@ def _guarded(work: Callable[[], int]) -> int:
         complain(str(error))
         return 1
     except KeyboardInterrupt as stop:
-        note("stopped at once; a store goes on where it was")
+        note("stopped at once; a study goes on where it was, any other answer begins again")
         # What chunks are computed under says which signal it was; Python's own is of Ctrl-C.
         number: int = next(iter(stop.args), signal.SIGINT)
         return 128 + number
     except Terminated as end:
-        note("terminated; a store goes on where it was")
+        note("terminated; a study goes on where it was, any other answer begins again")
         return 128 + end.number
     except BrokenPipeError:
         # Whoever read our output has gone: nothing is left to tell.

@@ -14,14 +14,13 @@ from chatter_core.evidence.next_measurement import NextMeasurement, next_recepta
 from chatter_core.evidence.next_trial import NextTrial, next_trial
 from chatter_core.evidence.ranking import NOTHING
 from chatter_core.evidence.scores import Score, cut_scores
+from chatter_core.evidence.verdict import not_ruled_out
 from pipeline.cluster import Workers
 from pipeline.corrections import correct
 from pipeline.diagnosis import Diagnosis, name_of
 from pipeline.jobs import Job, spread, spread_parts
 from pipeline.pieces import held_out_jobs, interval_jobs, intervals, lobe_jobs
 
-#: The first effect of a ranking is told of others where it is as probable as this, whatever the verdict.
-LIKELY = 0.1
 #: Parts of what is computed when the verdict stands, beside the cuts held out, which bear the names of hypotheses.
 ENDS, CUTS, RESPONSES = "ends of intervals", "next cuts", "next receptances"
 #: A cut as the machine is set up, among kinds of cuts.
@@ -38,14 +37,13 @@ def completed(
     """
     told_of = [one for one in _told_of_others(found) if of_base is None or one is not found.base]
     known = {} if of_base is None else {NOTHING: of_base}
-    first, second = (one.best for one in found.ranking[:2]) if len(found.ranking) > 1 else (found.base, found.base)
     # Together no worker waits for the last one of another part; what takes longest comes first.
     parts = spread_parts(
         workers,
         {
             **{name_of(one): _held_out_jobs(one, found.base, belief) for one in reversed(told_of)},
             ENDS: _interval_jobs(found.supported),
-            **_next_jobs(first, second),
+            **_next_jobs(*(one.best for one in found.contenders)),
         },
     )
     cut, measurements = _next(parts)
@@ -95,7 +93,7 @@ def with_pictures(workers: Workers | None, found: Diagnosis) -> Diagnosis:
 
 def _told_of_others(found: Diagnosis) -> list[Hypothesis]:
     """Return the hypotheses that are judged on cuts held out: the base model, and the best or else a likely effect."""
-    effects = [one.best for one in found.ranking if one.name != NOTHING and one.probability > LIKELY]
+    effects = [one.best for one in not_ruled_out(found.ranking) if one.name != NOTHING]
     return [found.base, *([found.best] if found.best is not found.base else effects[:1])]
 
 

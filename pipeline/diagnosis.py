@@ -1,10 +1,10 @@
 """What is missing in a model: every candidate is fitted to a campaign, and one of five answers given."""
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from math import prod
+
+import numpy as np
 
 from chatter_core.cards import Card, ShownAsCard
 from chatter_core.effects import Effect, effect_names, variants
@@ -12,46 +12,43 @@ from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, calibrate
 from chatter_core.evidence.assessment import Assessment, Limits, Version, version
 from chatter_core.evidence.belief import Belief, fitted
-from chatter_core.evidence.candidates import Candidate, Hypothesis, slope_of
+from chatter_core.evidence.candidates import Candidate, Hypothesis, extended, slope_of
 from chatter_core.evidence.failures import Failure
 from chatter_core.evidence.next_measurement import NextMeasurement
 from chatter_core.evidence.next_trial import NextTrial
 from chatter_core.evidence.power import Power, power
 from chatter_core.evidence.prediction import CampaignModel
-from chatter_core.evidence.pursuit import fit_hypothesis, ground, look, pursue, refit
-from chatter_core.evidence.ranking import NOTHING, Ranked, rank
+from chatter_core.evidence.ranking import NOTHING, Ranked
 from chatter_core.evidence.scores import Score
-from chatter_core.evidence.verdict import PAIR_GAIN, Verdict, decide, failed_checks
+from chatter_core.evidence.verdict import Verdict, decide, failed_checks, leading_pair, not_ruled_out, tied_pairs
 from pipeline.campaigns import settings_of
 from pipeline.cluster import Workers
 from pipeline.corrections import Corrections
 from pipeline.jobs import Job, spread
 from pipeline.model_file import Content
+from pipeline.search import pairs_of, singles, with_half_refitted
 
 #: Effects that restore what a base model was asked to leave out.
 RESTORING = {"speed_dependent_bearing": "base", "higher_modes": "modes"}
-#: Hypotheses whose evidence comes so near to the best are fitted to their end [nats]: of others none could be named.
-CLOSE = 12.0
-#: Where the base model rises by more than this from the best effect's place [nats], all is looked at again, once.
-RISEN, GROUNDS = 1.0, 2
-#: Second effects that are fitted beside the first, those that promise most.
-SECONDS = 4
 #: Verdicts after which the best effect belongs to the model, although others may be tied with it.
 SUPPORTED = ("effect", "ambiguous")
 #: Of the ranking, so many are shown.
 SHOWN = 5
-#: Fewer cuts and responses together than this tell nothing.
-FEWEST_CUTS = 8
+#: Fewer cuts than this tell nothing, and a receptance with fewer lines than this shows no mode.
+FEWEST_CUTS, FEWEST_LINES = 8, 8
+#: An effect of the user's own that leaves more than this share of the data without an answer is no law of theirs.
+MOST_LOST = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Diagnosis(ShownAsCard):
     """Everything that a diagnosis found.
 
-    base: the model as it was, calibrated; ranking: nothing missing and single effects; pairs: with the first of
-    them, the best first, none where none was tried; powers: of every candidate; judged: the base model and the best
-    ones held against the campaign, by name, and left: what each of them fails in that counts; held_out: scores on cuts
-    held out, by name; next_trial: the cut that would part the two best; next_measurements: that one and others, what
+    base: the model as it was, calibrated; ranking: nothing missing and single effects; pairs: the best first, none
+    where none was tried; powers: of every candidate; judged: the base model, those that are not ruled out and the best
+    pair held against the campaign, by name, and left: what each of them fails in that counts; not_tried:
+    effects that cannot act on the machine, and why; held_out: scores on cuts
+    held out, by name; next_trial: the cut that would part the contenders; next_measurements: that one and others, what
     is most worth its cost first; intervals: of the parameters of effects that are named, profiled; before_and_after:
     the base model and the best one with their lobes, for pictures, None where nothing is missing; corrections: without
     a formula, where the verdict is ``unexplained``. All after the verdict is found by ``pipeline.after_verdict``.
@@ -64,6 +61,7 @@ class Diagnosis(ShownAsCard):
     powers: list[Power]
     judged: dict[str, Version]
     left: dict[str, list[Failure]]
+    not_tried: dict[str, str]
     verdict: Verdict
     held_out: dict[str, dict[str, Score]] = field(default_factory=dict)
     next_trial: NextTrial | None = None
@@ -85,13 +83,33 @@ class Diagnosis(ShownAsCard):
         return self.pairs[0] if self.pairs else None
 
     @property
+    def leading_pair(self) -> Ranked | None:
+        """The best pair where it gains enough over what is simpler, else None."""
+        return leading_pair(self.ranking, self.pairs)
+
+    @property
+    def contenders(self) -> tuple[Ranked, Ranked]:
+        """The two answers that are to be parted: the leading pair and what comes next to it, or the most probable."""
+        if self.leading_pair is None:
+            return self.ranking[0], self.ranking[min(1, len(self.ranking) - 1)]
+        tied = tied_pairs(self.pairs)[1:]
+        halves = [one for one in self.ranking if one.name in self.pairs[0].best.names]
+        return self.pairs[0], tied[0] if tied else max(halves, key=lambda one: one.gain)
+
+    @property
+    def stands_for(self) -> list[str]:
+        """A sentence where the supported hypothesis stands for one of several that are tied; else none."""
+        if self.verdict.kind != "ambiguous":
+            return []
+        others = ", ".join(name for name in self.verdict.missing if name not in self.best.names)
+        return [f"{self.best.name} stands for what these measurements cannot part it from, too: {others}."]
+
+    @property
     def best(self) -> Hypothesis:
         """The hypothesis that the verdict names, or the best supported one; the base model where nothing is missing."""
         if self.verdict.kind in ("none", "underpowered"):
             return self.base
-        if self.pair is not None and self.pair.gain > self.ranking[0].gain + PAIR_GAIN:
-            return self.pair.best
-        return self.ranking[0].best
+        return (self.leading_pair or self.ranking[0]).best
 
     @property
     def supported(self) -> Hypothesis:
@@ -115,12 +133,15 @@ def check_enough(model: CampaignModel) -> None:
     """Raise InvalidInput where there is too little to judge a model by."""
     campaign = model.campaign
     cuts = len(campaign.trials or ()) + len(campaign.limits or ())
-    others = (campaign.receptances, campaign.natural_frequencies, campaign.stiffness)
-    if cuts < FEWEST_CUTS and not any(others):
+    told = [one for one in campaign.receptances if len(one.frequency) >= FEWEST_LINES]
+    if cuts < FEWEST_CUTS and not any((told, campaign.natural_frequencies, campaign.stiffness)):
+        few = len(campaign.receptances)
+        short = f"{few} receptance{'s' if few > 1 else ''} of fewer than {FEWEST_LINES} lines"
+        other = short if few else "nothing else that was measured"
         raise InvalidInput(
             [
-                f"campaign: found {cuts} cut{'s' if cuts > 1 else ''} and nothing else that was measured; needed to "
-                f"judge a model by: {FEWEST_CUTS} cuts, or a receptance, natural frequency or bearing stiffness"
+                f"campaign: found {cuts} cut{'' if cuts == 1 else 's'} and {other}; needed to judge a model by: "
+                f"{FEWEST_CUTS} cuts, or a receptance of {FEWEST_LINES} lines, natural frequency or bearing stiffness"
             ]
         )
 
@@ -130,28 +151,65 @@ def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
 
     Those that act last in the chain come first: unequal teeth take longest, and no worker should be left with them.
     """
-    found = []
-    for name in effect_names(content.effects_path):
-        restores = RESTORING.get(name)
-        kept = {"base": content.base == "full", "modes": content.modes is None}
-        if name in content.effects or (restores is not None and kept[restores]):
-            continue
-        for effect in variants(name, content.effects_path):
-            try:
-                effect.require(model.campaign.machine)
-            except InvalidInput:
-                continue
-            found.append(
-                Candidate(
-                    name=name,
-                    settings=settings_of(effect),
-                    term=effect,
-                    shapes=tuple(f"{name}.{shape}" for shape in effect.shapes),
-                    heard=f"{name}.{effect.heard}" if effect.heard else None,
-                    place=effect.place(),
-                )
-            )
+    found = [
+        Candidate(
+            name=name,
+            settings=settings_of(effect),
+            term=effect,
+            shapes=tuple(f"{name}.{shape}" for shape in effect.shapes),
+            heard=f"{name}.{effect.heard}" if effect.heard else None,
+            place=effect.place(),
+        )
+        for name in _lacking(content)
+        for effect in variants(name, content.effects_path)
+        if not _hindrance(effect, model)
+    ]
     return sorted(found, key=lambda candidate: candidate.place, reverse=True)
+
+
+def not_tried(model: CampaignModel, content: Content) -> dict[str, str]:
+    """Return the effects that the model lacks and that cannot act on its machine: name -> why."""
+    hindrances = {
+        name: [_hindrance(effect, model) for effect in variants(name, content.effects_path)]
+        for name in _lacking(content)
+    }
+    return {name: reasons[0] for name, reasons in hindrances.items() if all(reasons)}
+
+
+def _lacking(content: Content) -> list[str]:
+    """Return the names of the effects that a model lacks."""
+    kept = {"base": content.base == "full", "modes": content.modes is None}
+    names = [name for name in effect_names(content.effects_path) if name not in content.effects]
+    return [name for name in names if name not in RESTORING or not kept[RESTORING[name]]]
+
+
+def _hindrance(effect: Effect, model: CampaignModel) -> str:
+    """Return why an effect cannot act on a machine, "" where it can."""
+    try:
+        effect.require(model.campaign.machine)
+    except InvalidInput as error:
+        return " ".join(problem.removeprefix(f"effects.{effect.name()}: ") for problem in error.problems)
+    return ""
+
+
+def check_own(comparison: Comparison, candidates: Sequence[Candidate]) -> None:
+    """Raise InvalidInput where an effect of the user's own fails, or leaves most data without an answer.
+
+    Every one is tried before anything is fitted, so that a slip in its file is told at once.
+    """
+    own = [one for one in candidates if isinstance(one.term, Effect) and one.term.own_file is not None]
+    before, problems = comparison.compare(comparison.model.nulls).prediction if own else None, []
+    for one in own:
+        assert isinstance(one.term, Effect)
+        assert before is not None
+        tried, raised = extended(comparison, [one]), {p.name: p.null + p.prior_width for p in one.amplitudes}
+        values = [min(raised.get(p.name, p.null), p.upper) for p in tried.parameters]
+        lost = tried.compare(np.array(values)).prediction.failed - before.failed
+        if lost > MOST_LOST * before.asked:
+            sizes = ", ".join(f"{name} {value:g}" for name, value in raised.items())
+            problems.append(f"effects_path: {one.term.own_file}: at {sizes} it leaves {lost} data without an answer")
+    if problems:
+        raise InvalidInput(problems)
 
 
 def diagnose(
@@ -163,16 +221,21 @@ def diagnose(
     unless something better is known.
     """
     comparison, candidates = Comparison(model=model), candidates_of(model, content)
+    check_own(comparison, candidates)
     known = (start or belief).about(model).estimate
     (fit,) = spread(workers, [Job(name="base model", call=partial(calibrate, comparison, start=known))])
-    base, ranking = _ranking(workers, Hypothesis(candidates=(), comparison=comparison, fit=fit), candidates)
-    told_of = {NOTHING: base, **{one.name: one.best for one in ranking[:2] if one.name != NOTHING}}
-    judged = {name: _judged(one) for name, one in told_of.items()}
-    left = {name: what_is_left(one, judged[name]) for name, one in told_of.items()}
-    pairs = _pairs(workers, base, candidates, ranking, left)
-    for pair in pairs[:1]:
-        judged[pair.name] = _judged(pair.best)
-        left[pair.name] = what_is_left(pair.best, judged[pair.name])
+    base = Hypothesis(candidates=(), comparison=comparison, fit=fit)
+    found = singles(workers, base, candidates)
+    first = found.ranking[0].best
+    seen = _judged(first)
+    pairs: list[Ranked] = []
+    if failed_checks(what_is_left(first, seen)):
+        pairs = pairs_of(workers, found.base, candidates, found.ranking)
+        found = with_half_refitted(found, pairs)
+    base, ranking = found.base, found.ranking
+    told_of = [base, *(one.best for one in [*not_ruled_out(ranking), *pairs[:1]] if one.best is not base)]
+    judged = {name_of(one): seen if one is first else _judged(one) for one in told_of}
+    left = {name_of(one): what_is_left(one, judged[name_of(one)]) for one in told_of}
     powers = _powers(workers, base, candidates)
     return Diagnosis(
         content=content,
@@ -182,41 +245,9 @@ def diagnose(
         powers=powers,
         judged=judged,
         left=left,
+        not_tried=not_tried(model, content),
         verdict=decide(ranking, pairs, powers, left),
     )
-
-
-def _ranking(
-    workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate]
-) -> tuple[Hypothesis, list[Ranked]]:
-    """Return the base model and the ranking of nothing missing and single effects."""
-    for _ in range(GROUNDS):
-        fitted_with = partial(fit_hypothesis, base.comparison, nested=ground(base))
-        near = spread(workers, [Job(name=str(one), call=partial(fitted_with, [one])) for one in candidates])
-        singles = _climbed(workers, near)
-        ranking = rank(base, singles)
-        before = base.fit.log_evidence
-        if ranking[0].name != NOTHING:
-            # The base model gets the same chance to arrive as what is held against it.
-            base = refit(base, ranking[0].best.fit)
-        if base.fit.log_evidence < before + RISEN:
-            # What stood where the base model was has not been held against a better one.
-            break
-    return base, rank(base, singles)
-
-
-def _climbed(workers: Workers | None, near: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """Return hypotheses, fitted to their end where an effect has left its null and they come near the best."""
-    found, ended = list(near), {index for index, one in enumerate(near) if not one.moved}
-    while True:
-        best = max((one.fit.log_evidence for one in found), default=0.0)
-        close = [i for i, one in enumerate(found) if i not in ended and one.fit.log_evidence > best - CLOSE]
-        if not close:
-            return found
-        jobs = [Job(name=f"{found[i].name}, to its end", call=partial(refit, found[i], found[i].fit)) for i in close]
-        for index, one in zip(close, spread(workers, jobs), strict=True):
-            found[index] = one
-            ended.add(index)
 
 
 def _judged(hypothesis: Hypothesis) -> Version:
@@ -234,38 +265,6 @@ def what_is_left(hypothesis: Hypothesis, judged: Version) -> list[Failure]:
     at_bound = {p.name for p, stands in zip(fit.parameters, fit.at_bound, strict=True) if stands}
     own = effect_parameters(hypothesis.comparison.model) - at_bound
     return [failure for failure in judged.failures if failure.band.get("parameter") not in own]
-
-
-def _pairs(
-    workers: Workers | None,
-    base: Hypothesis,
-    candidates: Sequence[Candidate],
-    ranking: Sequence[Ranked],
-    left: Mapping[str, Sequence[Failure]],
-) -> list[Ranked]:
-    """Return pairs with the first of the ranking, the best first; none where that one suffices or nothing is missing.
-
-    Seconds are those that promise most beside the first: what a model with neither says of them may be nothing.
-    """
-    first = ranking[0]
-    if first.name == NOTHING or not failed_checks(left[first.name]):
-        return []
-    named, known = first.best, ground(first.best)
-    looks = [
-        Job(
-            name=f"{first.name} and {one}",
-            call=partial(look, base.comparison, [*named.candidates, one], nested=known),
-        )
-        for one in candidates
-        if one.name != first.name
-    ]
-    prospects = sorted(spread(workers, looks), key=lambda one: -one.promise)[:SECONDS]
-    jobs = [Job(name=f"{first.name} and {one.candidates[-1]}, fitted", call=partial(pursue, one)) for one in prospects]
-    variants_of = Counter(one.name for one in candidates)
-    paired = _climbed(workers, spread(workers, jobs))
-    counts = {pair.name: prod(variants_of[name] for name in pair.names) for pair in paired}
-    pairs = [one for one in rank(base, paired, counts) if one.name != NOTHING]
-    return sorted(pairs, key=lambda one: -one.gain)
 
 
 def _powers(workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate]) -> list[Power]:

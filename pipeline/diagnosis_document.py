@@ -16,7 +16,7 @@ from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
 from chatter_core.units import si_factor
 from pipeline import corrections
 from pipeline.comparison_document import cautions, failure_data, fit_data, measured, parameter_data
-from pipeline.diagnosis import Diagnosis
+from pipeline.diagnosis import Diagnosis, name_of
 from pipeline.telling import plain
 
 #: Files.
@@ -57,7 +57,8 @@ def document(found: Diagnosis, campaign: str) -> dict[str, Any]:
         "calibration": parameters_of(found.base, set()),
         "coverage_of_intervals": COVERAGE,
         "where_it_fails": [failure_data(failure) for failure in found.judged[NOTHING].failures],
-        "still_fails": [failure_data(failure) for failure in found.version(found.best).failures],
+        "not_tried": [{"effect": name, "reason": reason} for name, reason in found.not_tried.items()],
+        "still_fails": [failure_data(failure) for failure in found.left[name_of(found.best)]],
         "corrections": corrections.data(found.corrections),
         "corrections_text": None if found.corrections is None else found.corrections.text,
         "errors": errors(found),
@@ -131,11 +132,11 @@ def errors(found: Diagnosis) -> dict[str, Any]:
 
 
 def next_trial_data(found: Diagnosis) -> dict[str, Any] | None:
-    """Return the cut that would part the two best hypotheses."""
+    """Return the cut that would part the contenders."""
     trial = found.next_trial
     if trial is None or len(found.ranking) < 2:
         return None
-    names = [one.name for one in found.ranking[:2]]
+    names = [one.name for one in found.contenders]
     speed = trial.spindle_speed / si_factor("spindle_speed_rpm")
     depth = trial.axial_depth / si_factor("axial_depth_mm")
     chances = [f"{100.0 * p:.0f} % by {name}" for p, name in zip(trial.probability, names, strict=True)]
@@ -143,7 +144,7 @@ def next_trial_data(found: Diagnosis) -> dict[str, Any] | None:
         f"A cut at {speed:.0f} rpm and {depth:.3g} mm would chatter with {chances[0]} and {chances[1]}: "
         f"expected to tell {trial.expected_gain:.2g} nats."
         if trial.expected_gain >= WORTH_ITS_COST
-        else "No cut at the speeds and depths of the campaign would part the two most probable answers."
+        else f"No cut at the speeds and depths of the campaign would part {' from '.join(names)}."
     )
     return {
         "spindle_speed_rpm": speed,
@@ -155,13 +156,13 @@ def next_trial_data(found: Diagnosis) -> dict[str, Any] | None:
 
 
 def next_measurements_data(found: Diagnosis) -> list[dict[str, Any]]:
-    """Return the measurements that would part the two best hypotheses, none where nothing would."""
+    """Return the measurements that would part the contenders, none where nothing would."""
     worth = [one for one in found.next_measurements if one.expected_gain >= WORTH_ITS_COST]
     return [measurement_data(one) for one in worth[:MEASUREMENTS]]
 
 
 def measurement_data(one: NextMeasurement) -> dict[str, Any]:
-    """Return a measurement that would part the two best hypotheses."""
+    """Return a measurement that would part the contenders."""
     speed = one.spindle_speed / si_factor("spindle_speed_rpm")
     depth = None if one.axial_depth is None else one.axial_depth / si_factor("axial_depth_mm")
     where = "at rest" if speed == 0.0 else f"at {speed:.0f} rpm" + ("" if depth is None else f" and {depth:.3g} mm")

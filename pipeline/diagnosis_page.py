@@ -46,6 +46,7 @@ def write(found: Diagnosis, campaign: str, output: Path) -> list[Path]:
         title=f"What is missing: {campaign}",
         document=document,
         rows=ranking_rows(found),
+        not_tried=not_tried(found) if found.not_tried else "",
         plots=plots_of(found.before_and_after),
         captions=PLOTTED,
         figures=page.embedded([path for path in pictures if path.stem not in PLOTTED], CAPTIONS),
@@ -73,6 +74,14 @@ def ranking_rows(found: Diagnosis) -> list[list[str]]:
     return rows
 
 
+def not_tried(found: Diagnosis) -> str:
+    """Return a sentence about the effects that cannot act on the machine, and why."""
+    by_reason: dict[str, list[str]] = {}
+    for name, reason in found.not_tried.items():
+        by_reason.setdefault(reason, []).append(name)
+    return "Not tried: " + "; ".join(f"{', '.join(names)}: {reason}" for reason, names in by_reason.items()) + "."
+
+
 def summary(found: Diagnosis) -> str:
     """Return the gist as text for a terminal."""
     lines = ["", f"verdict: {found.verdict.kind}", found.verdict.text, *diagnosis_document.unsettled(found), ""]
@@ -83,6 +92,7 @@ def summary(found: Diagnosis) -> str:
     for row in [header, *(row[:4] for row in [*rows[:TOLD], *of_pair])]:
         lines.append("".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
     lines += ["", found.corrections.text] if found.corrections is not None else []
+    lines += ["", not_tried(found)] if found.not_tried else []
     trial = diagnosis_document.next_trial_data(found)
     lines += ["", trial["text"]] if trial is not None else []
     return "\n".join([*lines, ""])

@@ -19,13 +19,14 @@ def run(words: list[str]) -> int:
 def summary(found: Improvement) -> str:
     """Return the gist as text for a terminal."""
     table = found.history.to_string(index=False, float_format=lambda value: f"{value:.3g}", na_rep="")
-    return f"{diagnosis_page.summary(found.diagnoses[0])}\n{table}"
+    return "\n".join([diagnosis_page.summary(found.diagnoses[0]), table, *found.stand_for])
 
 
 def facts(found: Improvement, campaign: str) -> dict[str, Any]:
-    """Return what scripts are told: what was added, the errors step by step, and the last diagnosis."""
+    """Return what scripts are told: what was added, in whose place too, the errors, and the last diagnosis."""
     return {
         "added": found.added,
+        "stand_for": found.stand_for,
         "history": found.history.to_dict(orient="records"),
         "diagnosis": diagnosis_document.document(found.diagnoses[-1], campaign),
     }
@@ -33,7 +34,9 @@ def facts(found: Improvement, campaign: str) -> dict[str, Any]:
 
 def _write(found: Improvement, asked: Asked, output: Path) -> list[Path]:
     paths = improvement_page.write(found, asked.name, output)
-    model_file.write(output / MODEL, asked.model.campaign.machine, found.final.fit, found.content)
+    model_file.write(
+        output / MODEL, asked.model.campaign.machine, found.final.fit, found.content, remarks=found.stand_for
+    )
     return [*paths, output / MODEL]
 
 

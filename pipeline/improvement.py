@@ -48,6 +48,16 @@ class Improvement:
         return last.supported is not last.base
 
     @property
+    def stand_for(self) -> list[str]:
+        """Sentences about effects that were added and stand for others, which the measurements cannot part."""
+        return [
+            line
+            for one in self.diagnoses
+            if one.best.name and set(one.best.names) <= set(self.added)
+            for line in one.stands_for
+        ]
+
+    @property
     def final_version(self) -> Version:
         """The final hypothesis held against the campaign."""
         return self.diagnoses[-1].version(self.final)

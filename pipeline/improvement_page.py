@@ -98,6 +98,7 @@ def lead(found: Improvement) -> list[str]:
     """Return the gist in sentences."""
     added = _readable(", ".join(found.added))
     told = [f"Added to the model: {added}." if added else "Nothing was added to the model."]
+    told += [_readable(line) for line in found.stand_for]
     told += _headline(found.history)
     verdict = _readable(found.diagnoses[-1].verdict.text)
     told.append(f"In the end: {verdict[0].lower()}{verdict[1:]}")

@@ -1,6 +1,6 @@
 """A calibrated model as a file, model.yaml: what was fitted, how surely, and of which machine."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from pathlib import Path
@@ -100,8 +100,8 @@ class ModelFile(BaseModel):
         )
 
 
-def write(path: Path, machine: Machine, fit: Fit, content: Content) -> None:
-    """Write a fit as a model file; content: what the model is made of."""
+def write(path: Path, machine: Machine, fit: Fit, content: Content, remarks: Sequence[str] = ()) -> None:
+    """Write a fit as a model file; content: what the model is made of; remarks: for those who read it."""
     kept = [i for i, parameter in enumerate(fit.parameters) if not parameter.name.startswith(OF_A_RESPONSE)]
     parameters = [
         {
@@ -122,7 +122,8 @@ def write(path: Path, machine: Machine, fit: Fit, content: Content) -> None:
         "correlation": correlation,
         "machine": machine.described(),
     }
-    path.write_text(HEAD + yaml.safe_dump(written, sort_keys=False, default_flow_style=None, width=120), "utf-8")
+    head = HEAD + "".join(f"# {remark}\n" for remark in remarks)
+    path.write_text(head + yaml.safe_dump(written, sort_keys=False, default_flow_style=None, width=120), "utf-8")
 
 
 def read(path: Path, machine: Machine, own: Path | None = None) -> ModelFile:

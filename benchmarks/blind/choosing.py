@@ -8,6 +8,7 @@ numbers cannot bring one forth.
 
 import argparse
 import itertools
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -81,10 +82,14 @@ def replay(answer: dict[str, Any], numbers: Numbers) -> Replayed:
     powers = [
         SimpleNamespace(candidate=SimpleNamespace(name=row["effect"]), nats=row["nats"]) for row in document["power"]
     ]
-    left = {
-        name: [SimpleNamespace(chance=chance, text="") for chance in chances]
-        for name, chances in answer["chances"].items()
-    }
+    left = defaultdict(
+        # What was not held against the campaign is not known to pass.
+        lambda: [SimpleNamespace(chance=0.0, text="")],
+        {
+            name: [SimpleNamespace(chance=chance, text="") for chance in chances]
+            for name, chances in answer["chances"].items()
+        },
+    )
     tried = [] if document["pair"] is None else [document["pair"], *document.get("other_pairs", [])]
     pairs: Any = [
         SimpleNamespace(

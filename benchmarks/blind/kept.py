@@ -18,6 +18,7 @@ SOURCES = (
     "chatter_core/**/*.py",
     "configs/effects/*.yaml",
     "pipeline/diagnosis.py",
+    "pipeline/search.py",
     "pipeline/after_verdict.py",
     "pipeline/pieces.py",
     "pipeline/diagnosis_document.py",

@@ -3,9 +3,12 @@
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
+from functools import partial
+from pathlib import Path
 from typing import Any, ClassVar
 
 from chatter_core.cards import Card, ShownAsCard
+from chatter_core.effects._own import told, watched
 from chatter_core.errors import InvalidInput
 from chatter_core.machine import Machine
 from chatter_core.parameters import Array, Parameter
@@ -33,7 +36,7 @@ class Effect(ShownAsCard, ABC):
     shapes: names of those that say how the effect looks and not how strong it is; heard: the one of them that is a
     frequency [Hz] at which the effect makes cuts chatter, if any; settings: its choices, each an attribute of the
     class; needs: what of a machine it acts on; changes: what a strong value changes, of ``bearing``, ``modes`` (at the
-    tip), ``cut`` (the multipliers). What is not named stays bit for bit.
+    tip), ``cut`` (the multipliers). What is not named stays bit for bit. own_file: the file of a user's own effect.
     """
 
     stage: ClassVar[str]
@@ -43,6 +46,7 @@ class Effect(ShownAsCard, ABC):
     settings: ClassVar[tuple[Setting, ...]] = ()
     needs: ClassVar[tuple[str, ...]] = ()
     changes: ClassVar[tuple[str, ...]]
+    own_file: ClassVar[Path | None] = None
 
     def __post_init__(self) -> None:
         for setting in self.settings:
@@ -78,19 +82,23 @@ class Effect(ShownAsCard, ABC):
 
         Where nothing but the shape differs from the nulls the stages are returned as they are.
 
-        Raises InvalidInput when the machine lacks what the effect acts on.
+        Raises InvalidInput when the machine lacks what the effect acts on, or where a user's own law fails.
         """
         self._require_parts(stages.machine)
         pairs = list(zip(self.declared, values, strict=True))
         if all(value == parameter.null for parameter, value in pairs if parameter.name not in self.shapes):
             return stages
         in_si = tuple(float(value) * si_factor(parameter.name) for parameter, value in pairs)
-        return replace(stages, **{self.stage: self.transform(getattr(stages, self.stage), stages.machine, in_si)})
+        law = self.transform if self.own_file is None else partial(watched, self)
+        return replace(stages, **{self.stage: law(getattr(stages, self.stage), stages.machine, in_si)})
 
     def require(self, machine: Machine) -> None:
         """Raise InvalidInput, naming what is missing, where the effect cannot act on a machine as described."""
         self._require_parts(machine)
-        self._check(machine)
+        if self.own_file is None:
+            self._check(machine)
+        else:
+            told(self.own_file, self._check, machine)
 
     def _require_parts(self, machine: Machine) -> None:
         missing = [part for part in self.needs if getattr(machine, part) is None]

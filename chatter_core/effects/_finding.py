@@ -9,19 +9,18 @@ import hashlib
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import fields
 from functools import cache
 from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
-from inspect import getmembers, isabstract, isclass
+from inspect import getmembers, isclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from chatter_core.effects._base import Effect
+from chatter_core.effects._own import require_complete
 from chatter_core.errors import InvalidInput
 from chatter_core.reading import near_path, nearest
-from chatter_core.stages import Stages
 
 FOLDER = Path(__file__).parent
 #: What a file must be called: its stem is the effect's name.
@@ -57,6 +56,8 @@ def own_effects(folder: Path) -> tuple[str, ...]:
             problems.append(f"{folder / name}.py: the program has an effect of this name; give yours another")
         if not _NAME.fullmatch(name):
             problems.append(f"{folder / name}.py: an effect's name has small letters, digits and _, a letter first")
+        if not (folder / f"{name}.py").is_file():
+            problems.append(f"{folder / name}.py: is no file that can be read")
     if problems:
         raise InvalidInput([f"effects_path: {problem}" for problem in problems])
     return tuple(sorted(classes))
@@ -84,7 +85,8 @@ def effect_class(name: str, own: Path | None = None) -> type[Effect]:
     if own is None or name in _stems(FOLDER, "py"):
         return _only_class(name, import_module(f"{__package__}.{name}"))
     kind = _only_class(name, _load(name, own))
-    _require_complete(kind, own / f"{name}.py")
+    require_complete(kind, own / f"{name}.py")
+    kind.own_file = (own / f"{name}.py").resolve()
     # Whoever gets a copy of it in another process loads the class there, from the same file.
     copyreg.pickle(kind, _copied)
     return kind
@@ -122,17 +124,6 @@ def _load(name: str, folder: Path) -> ModuleType:
         del sys.modules[spec.name]
         raise InvalidInput([f"effects_path: {file} cannot be loaded: {type(error).__name__}: {error}"]) from error
     return module
-
-
-def _require_complete(kind: type[Effect], file: Path) -> None:
-    """Raise InvalidInput where a user's class leaves out what an effect must say."""
-    missing = [key for key in ("stage", "declared", "changes") if not hasattr(kind, key)]
-    missing += ["transform"] if isabstract(kind) else []
-    if missing:
-        raise InvalidInput([f"effects_path: {file}: {kind.__name__} does not say {', '.join(missing)}"])
-    arrows = [field.name for field in fields(Stages)]
-    if kind.stage not in arrows:
-        raise InvalidInput([f"effects_path: {file}: stage: found {kind.stage!r}; {nearest(kind.stage, arrows)}"])
 
 
 def _copied(effect: Effect) -> tuple[Callable[..., Effect], tuple[Any, ...]]:

@@ -1,5 +1,6 @@
 """Where a model fails by more than noise explains, in words: by speed, depth, mode, direction, time and frequency."""
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -26,6 +27,8 @@ IMPROBABLE = 0.05
 MOST_OF_ALL = 0.8
 #: A pull beyond this many prior widths is a finding by itself.
 LARGEST_PULL = 3.0
+#: Labels that err more than is typical may hide what the model lacks; that they err less says nothing of it.
+NOISE_OF_LABELS = ("mislabelled", "outcome_width", "marginal_width")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,18 +72,18 @@ def failures(campaign: Campaign, compared: Compared, dominant_mode: Array, fit: 
 
     See docs/physics.md#comparison.
     """
-    found = [*_of_trials(campaign, compared, dominant_mode), *_of_tables(campaign, compared)]
+    found = [*_of_trials(campaign, compared, dominant_mode, fit), *_of_tables(campaign, compared)]
     found += [_of_response(misfit) for misfit in misfits(campaign, compared.prediction)] if campaign.receptances else []
     found += _of_pulls(fit) if fit is not None else []
     return sorted(found, key=lambda failure: (failure.chance, -failure.excess))
 
 
-def _of_trials(campaign: Campaign, compared: Compared, dominant_mode: Array) -> Iterator[Failure]:
+def _of_trials(campaign: Campaign, compared: Compared, dominant_mode: Array, fit: Fit | None) -> Iterator[Failure]:
     trials = campaign.trials
     if trials is None:
         return
     places = _places(campaign, trials, dominant_mode)
-    for data in [*_labels(trials, compared), *_frequencies(campaign, trials, compared)]:
+    for data in [*_labels(trials, compared, fit), *_frequencies(campaign, trials, compared)]:
         for key, (place, unit) in places.items():
             yield from _bands(data, key, place, unit)
     lost = int(np.isnan(compared.prediction.margin).sum())
@@ -114,14 +117,15 @@ def _stated(values: Array, own: float) -> Array:
     return np.where(np.isnan(values), own, values)
 
 
-def _labels(trials: Trials, compared: Compared) -> Iterator[_Data]:
-    """Yield cuts that should chatter and did not, and those that should be stable; by the noise that is typical."""
-    margin = compared.prediction.margin
+def _labels(trials: Trials, compared: Compared, fit: Fit | None) -> Iterator[_Data]:
+    """Yield cuts that should chatter and did not, and those that should be stable; by the noise that is plausible."""
+    margin, more = compared.prediction.margin, _more_noise(fit)
+    marginal = (trials.outcome == OUTCOMES.index("marginal")).any()
     probability = likelihood.outcome_probabilities(
         margin,
-        mislabelled=TYPICAL_MISLABELLED,
-        width=TYPICAL_OUTCOME_WIDTH,
-        marginal_width=TYPICAL_MARGINAL_WIDTH if (trials.outcome == OUTCOMES.index("marginal")).any() else None,
+        mislabelled=TYPICAL_MISLABELLED * more["mislabelled"],
+        width=TYPICAL_OUTCOME_WIDTH * more["outcome_width"],
+        marginal_width=TYPICAL_MARGINAL_WIDTH * more["marginal_width"] if marginal else None,
     )
     stable, chatter = probability[:, 0], probability[:, -1]
     # Above an island or inside of one the nearest boundary does not lie where a single limit would.
@@ -143,6 +147,19 @@ def _labels(trials: Trials, compared: Compared) -> Iterator[_Data]:
             done="were stable" if done == "stable" else done,
             hence="" if islands[which][failed].any() else hence,
         )
+
+
+def _more_noise(fit: Fit | None) -> dict[str, float]:
+    """Return by how much more labels err than is typical: as fitted, by one width of the prior at most.
+
+    With all that a fit takes for noise nothing would be left that fails.
+    """
+    more = dict.fromkeys(NOISE_OF_LABELS, 1.0)
+    if fit is not None:
+        for parameter, estimate in zip(fit.parameters, fit.estimate, strict=True):
+            if parameter.name in more:
+                more[parameter.name] = float(np.exp(np.clip(estimate, 0.0, parameter.prior_width)))
+    return more
 
 
 def _frequencies(campaign: Campaign, trials: Trials, compared: Compared) -> Iterator[_Data]:
@@ -317,9 +334,13 @@ def _of_response(misfit: Misfit) -> Failure:
 
 
 def _of_pulls(fit: Fit) -> Iterator[Failure]:
-    """Yield the parameters that had to go farther than a data sheet or a sensor plausibly errs."""
+    """Yield the parameters that had to go farther than a data sheet or a sensor plausibly errs.
+
+    Of many that are looked at one goes far by chance: it counts for as many as there are of its kind.
+    """
+    alike = Counter(parameter.touches for parameter in fit.parameters)
     for parameter, estimate, pull in zip(fit.parameters, fit.estimate, fit.pull, strict=True):
-        if abs(pull) > LARGEST_PULL:
+        if abs(pull) > LARGEST_PULL and not (parameter.name in NOISE_OF_LABELS and pull < 0.0):
             moved = (
                 f"a factor of {np.exp(estimate):.3g}" if parameter.unit == "ln" else f"{estimate:.3g} {parameter.unit}"
             )
@@ -327,7 +348,7 @@ def _of_pulls(fit: Fit) -> Iterator[Failure]:
                 quantity="calibration",
                 band={"parameter": parameter.name},
                 excess=float(abs(pull) - LARGEST_PULL),
-                chance=float(2.0 * stats.norm.sf(abs(pull))),
+                chance=min(1.0, alike[parameter.touches] * float(2.0 * stats.norm.sf(abs(pull)))),
                 text=f"The fit needs {moved} on {parameter.name}, {abs(pull):.1f} times what is plausible "
                 f"({parameter.doc}): either it was stated very wrongly, or it stands in for something that the "
                 "model lacks.",

@@ -94,6 +94,12 @@ class Prediction:
         lost = sum(bool(np.isnan(response).all()) for response in self.receptances)
         return lost + sum(int(np.isnan(array).sum()) for array in (cuts, self.natural_frequency, self.radial_stiffness))
 
+    @property
+    def asked(self) -> int:
+        """How many measured cuts, responses, modes and stiffnesses the model was asked for."""
+        cuts = self.cuts.margin.size if self.cuts is not None else 0
+        return cuts + len(self.receptances) + self.natural_frequency.size + self.radial_stiffness.size
+
 
 @dataclass(frozen=True, kw_only=True)
 class CampaignModel:

@@ -14,11 +14,13 @@ from chatter_core.evidence.ranking import NOTHING, Ranked
 
 #: An effect is named when it has this probability; several are tied when they have it together.
 NAMED, TIED_TOGETHER = 0.8, 0.9
+#: An answer that is more probable than this is not ruled out.
+POSSIBLE = 0.1
 #: That nothing is missing is said when it is more probable than all effects together.
 NOTHING_NAMED = 0.5
 #: More than this many are not a tie but ignorance.
 MOST_TIED = 3
-#: A pair is named when it gains so much over its better half [nats].
+#: A pair is named when it gains so much over its better half, and over the first of the ranking [nats].
 PAIR_GAIN = 5.0
 #: Pairs that gain less than this over one another are tied [nats].
 PAIR_LEAD = 2.5
@@ -45,6 +47,25 @@ def failed_checks(left: Sequence[Failure]) -> list[Failure]:
     return [failure for failure in left if failure.chance <= CHECK_CHANCE]
 
 
+def not_ruled_out(ranking: Sequence[Ranked]) -> list[Ranked]:
+    """Return the answers that are possible, nothing missing perhaps among them: the first, and all that are likely.
+
+    See docs/physics.md#diagnosis.
+    """
+    return [one for one in ranking if one is ranking[0] or one.probability > POSSIBLE]
+
+
+def leading_pair(ranking: Sequence[Ranked], pairs: Sequence[Ranked]) -> Ranked | None:
+    """Return the best pair where it gains enough over what is simpler, else None; pairs: the best first.
+
+    See docs/physics.md#diagnosis.
+    """
+    if not pairs:
+        return None
+    simpler = [ranking[0], *(one for one in ranking if one.name in pairs[0].best.names)]
+    return pairs[0] if pairs[0].gain > max(one.gain for one in simpler) + PAIR_GAIN else None
+
+
 def decide(
     ranking: Sequence[Ranked],
     pairs: Sequence[Ranked],
@@ -53,27 +74,27 @@ def decide(
 ) -> Verdict:
     """Return the verdict.
 
-    ranking: nothing missing and single effects, the most probable first; pairs: with the first of them, those that
-    were tried, the best first; powers: of all candidates; left: where the two first of the ranking and the best pair
-    still fail, by name.
+    ranking: nothing missing and single effects, the most probable first; pairs: those that were tried, the best
+    first; powers: of all candidates; left: where nothing missing, those that are not ruled out and the best pair still
+    fail, by name.
 
     See docs/physics.md#diagnosis.
     """
     first = ranking[0]
-    pair = pairs[0] if pairs and pairs[0].gain > first.gain + PAIR_GAIN else None
+    pair = leading_pair(ranking, pairs)
     best = pair or first
     checks = failed_checks(left[best.name])
     if checks and (pair is not None or not _another_suffices(ranking, left)):
         return _unexplained(best, checks)
     if pair is not None:
-        return _two(first, pairs)
+        return _two(pairs)
     return _nothing(ranking, powers) if first.name == NOTHING and not checks else _named(ranking)
 
 
 def _another_suffices(ranking: Sequence[Ranked], left: Mapping[str, Sequence[Failure]]) -> bool:
-    """Return whether one that the first does not rule out passes every check that the first fails."""
+    """Return whether one that the first does not rule out passes every check."""
     return ranking[0].probability < NAMED and any(
-        one.name in left and not failed_checks(left[one.name]) for one in ranking[1:]
+        not failed_checks(left[one.name]) for one in not_ruled_out(ranking)[1:]
     )
 
 
@@ -83,15 +104,28 @@ def _unexplained(best: Ranked, checks: Sequence[Failure]) -> Verdict:
     return Verdict(kind="unexplained", missing=(), text=text)
 
 
-def _two(first: Ranked, pairs: Sequence[Ranked]) -> Verdict:
-    """Return the two effects that are named, or those that are tied for the second place."""
-    tied = [one for one in pairs if one.gain > pairs[0].gain - PAIR_LEAD]
+def tied_pairs(pairs: Sequence[Ranked]) -> list[Ranked]:
+    """Return the best pair and those that gain about as much; pairs: the best first.
+
+    See docs/physics.md#diagnosis.
+    """
+    return [one for one in pairs if one.gain > pairs[0].gain - PAIR_LEAD]
+
+
+def _two(pairs: Sequence[Ranked]) -> Verdict:
+    """Return the two effects that are named, or those that are tied."""
+    tied = tied_pairs(pairs)
     names = tuple(sorted({name for one in tied for name in one.best.names}))
     if len(tied) == 1:
         text = f"Two effects are missing, {' and '.join(names)}: together they gain {pairs[0].gain:.0f} nats."
         return Verdict(kind="effect", missing=names, text=text)
-    seconds = [name for name in names if name not in first.best.names]
-    text = f"{first.name} is missing, and with it one of {', '.join(seconds)}, which these measurements cannot part."
+    common = set.intersection(*(set(one.best.names) for one in tied))
+    if common:
+        seconds = [name for name in names if name not in common]
+        what = f"{min(common)} is missing, and with it one of {', '.join(seconds)}"
+    else:
+        what = f"Two effects are missing, {', or '.join(' and '.join(one.best.names) for one in tied)}"
+    text = f"{what}, which these measurements cannot part."
     return Verdict(kind="ambiguous", missing=names, text=text)
 
 

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -18,6 +19,7 @@ from pipeline.__main__ import main
 from tests.pipeline.studies import WORDS
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "own_effects"
+CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
 POINT = ["point", "spindle_speed_rpm=10000", "axial_depth_mm=1", "modes=2", "format=json"]
 ON = [f"effects_path={EXAMPLE}", "effects=[loosening_clamp]"]
 
@@ -112,6 +114,12 @@ def test_folders_that_are_not_right_are_told_everything_at_once(tmp_path: Path):
 
 
 EXAMPLE_TEXT = (EXAMPLE / "loosening_clamp.py").read_text()
+SETTING = '__import__("types").SimpleNamespace(name="axis", doc="which", choices=())'
+
+
+def with_line(*lines: str) -> str:
+    """Return the example with lines more in its class."""
+    return EXAMPLE_TEXT.replace("    changes:", "".join(f"    {line}\n" for line in lines) + "    changes:")
 
 
 @pytest.mark.parametrize(
@@ -128,6 +136,31 @@ EXAMPLE_TEXT = (EXAMPLE / "loosening_clamp.py").read_text()
         ),
         (EXAMPLE_TEXT.replace("def transform", "def transfer"), r"mine.py: LooseningClamp does not say transform"),
         (EXAMPLE_TEXT.replace("changes:", "alters:"), r"mine.py: LooseningClamp does not say changes"),
+        (EXAMPLE_TEXT.replace('"cut_modes"', "3"), r"mine.py: stage: found 3; allowed: "),
+        (EXAMPLE_TEXT.replace('"cut_modes"', '"machine"'), r"mine.py: stage: found 'machine'; "),
+        (
+            EXAMPLE_TEXT.replace("        ),\n    )  # fmt", "        )\n    )  # fmt"),
+            r"mine.py: declared: found Parameter",
+        ),
+        (EXAMPLE_TEXT.replace('("cut",)', '("kut",)'), r"mine.py: changes: found 'kut'; did you mean cut\?"),
+        (with_line('needs: ClassVar[tuple[str, ...]] = ("gearbox",)'), r"mine.py: needs: found 'gearbox'; "),
+        (
+            with_line('shapes: ClassVar[tuple[str, ...]] = ("losss",)'),
+            r"mine.py: shapes: found 'losss'; did you mean loss",
+        ),
+        (with_line('heard: ClassVar[str | None] = "hertz"'), r"mine.py: heard: found 'hertz'; "),
+        (with_line("shapes: ClassVar[Any] = None"), r"mine.py: shapes: found None, allowed: a tuple of names"),
+        (with_line('settings: ClassVar[Any] = ("axis",)'), r"mine.py: settings: found 'axis', allowed: settings"),
+        (with_line(f"settings: ClassVar[Any] = ({SETTING},)"), r"mine.py: settings: axis is no field of the class"),
+        (
+            with_line(f"settings: ClassVar[Any] = ({SETTING},)", "axis: str"),
+            r"mine.py: settings: choices of axis: found \(\), allowed: a tuple",
+        ),
+        (
+            EXAMPLE_TEXT.replace("lower=0.0,", "lower=0.0, prior_mean=9.0,"),
+            r"mine.py: declared: prior_mean of loss: found 9",
+        ),
+        (EXAMPLE_TEXT.replace('name="loss"', 'name="lo ss"'), r"mine.py: declared: found the name 'lo ss', allowed: "),
     ],
 )
 def test_files_that_are_no_effect_get_one_sentence(tmp_path: Path, capsys, text: str, said: str):
@@ -137,6 +170,50 @@ def test_files_that_are_no_effect_get_one_sentence(tmp_path: Path, capsys, text:
         effect_class("mine", tmp_path)
     assert main([*POINT, f"effects_path={tmp_path}", "effects=[mine]"]) == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+LAW = "            factor = np.where(found.axis == 0, softer, 1.0)\n"
+
+
+@pytest.mark.parametrize(
+    ("found", "instead", "said"),
+    [
+        (LAW, "            factor = {}[loss]\n", r"mine.py, line 37: KeyError: 0.3"),
+        (LAW, "            raise SystemExit(5)\n", r"mine.py, line 37: SystemExit: 5"),
+        ("(loss,) = values", "a, b = values", r"mine.py, line 32: ValueError: not enough values to unpack"),
+        ("return cut_modes", "return None", r"mine.py: transform returned None, needed: a function as it was given"),
+        ("return replace(found", "return found.axis, dict(a", r"mine.py, line 38: "),
+        ("return cut_modes", "return lambda *_: 3", r"mine.py: cut_modes returned 3, needed: TipModes"),
+        ("machine: Machine, values", "values", r"mine.py: TypeError: .*positional arguments"),
+        ("(loss,) = values", "(loss,) = values; machine.spindle.nothing", r"mine.py, line 32: AttributeError: "),
+    ],
+)
+def test_a_law_that_fails_is_told_with_its_line(tmp_path: Path, capsys, found: str, instead: str, said: str):
+    assert found in EXAMPLE_TEXT
+    (tmp_path / "mine.py").write_text(EXAMPLE_TEXT.replace(found, instead))
+    (tmp_path / "mine.yaml").write_text("loss: 0.3\n")
+    assert main([*POINT[:-1], f"effects_path={tmp_path}", "effects=[mine]"]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert re.search(said, line), line
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        ("            factor = np.nan\n", r"mine.py: at mine.loss 0.2 it leaves \d+ data without an answer"),
+        ("            factor = {}[loss]\n", r"mine.py, line 37: KeyError: 0.2"),
+    ],
+)
+def test_an_effect_that_fails_is_told_before_anything_is_fitted(
+    tmp_path: Path, capsys, monkeypatch, law: str, said: str
+):
+    monkeypatch.setattr("pipeline.diagnosis.spread", lambda *_: pytest.fail("something was fitted"))
+    (tmp_path / "mine.py").write_text(EXAMPLE_TEXT.replace(LAW, law))
+    (tmp_path / "mine.yaml").write_text("loss: 0.3\n")
+    words = [f"campaign={CAMPAIGNS / 'r01'}", f"effects_path={tmp_path}", "cluster=serial"]
+    assert main(["diagnose", *words, f"output={tmp_path / 'answer'}"]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert re.search(said, line), line
 
 
 def test_no_yaml_names_a_folder(tmp_path: Path, capsys):

@@ -131,6 +131,7 @@ def test_what_cannot_be_written_leaves_what_was_there(tmp_path, capsys, monkeypa
         ("unpacked-dataset.zarr/zarr.json", "is the folder of a study"),
         ("object_store.txt", "is the folder of a study"),
         ("report.html", "holds a report.html that another verb has written"),
+        ("model.yaml", "holds a model.yaml that no earlier answer has written"),
         ("figures", "is no folder, and a folder of the answer is called so"),
         ("model.yaml/notes.txt", "is a folder, and a file of the answer is called so"),
     ],

@@ -14,7 +14,7 @@ from chatter_core.evidence.next_trial import next_trial
 from chatter_core.evidence.power import ENOUGH, power
 from chatter_core.evidence.pursuit import LEFT_GAIN, fit_hypothesis, ground, refit
 from chatter_core.evidence.ranking import NOTHING, rank
-from pipeline.diagnosis import CLOSE
+from pipeline.search import CLOSE
 from tests.synthetic import RPM, campaign, measured, tip_machine, trials
 
 #: Low speeds, where ploughing damps: 30 m/min and more on a cutter of 12 mm.

@@ -1,6 +1,7 @@
 """Where a model fails: silence for a right model, and words with the right place for a wrong one."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -191,6 +192,62 @@ def test_a_parameter_that_is_bent_far_is_a_finding_by_itself():
     pulls = [f for f in failures(made, compared, np.ones(60), found) if f.quantity == "calibration"]
     assert [f.band["parameter"] for f in pulls] == ["tip_stiffness"]
     assert "a factor of 1." in pulls[0].text
+
+
+def pulled(**widths):
+    """Return a fit whose parameters stand so many widths of their priors away, and a few that do not."""
+    made = planned(np.random.default_rng(5))
+    comparison = Comparison(model=base_model(made))
+    parameters = comparison.parameters
+    pull = np.array([widths.get(one.name, 0.0) for one in parameters])
+    value = pull * [one.prior_width for one in parameters]
+    return comparison, SimpleNamespace(parameters=parameters, estimate=value, pull=pull)
+
+
+def test_labels_that_err_less_than_is_typical_are_no_finding():
+    campaign_of, fitted = pulled(mislabelled=-4.0, outcome_width=-4.5)
+    compared = campaign_of.compare(campaign_of.model.nulls)
+    made = campaign_of.model.campaign
+    found = [f for f in failures(made, compared, np.ones(60), fitted) if f.quantity == "calibration"]
+    assert found == []
+    _, fitted = pulled(mislabelled=4.0, outcome_width=4.5)
+    found = [f for f in failures(made, compared, np.ones(60), fitted) if f.quantity == "calibration"]
+    assert [f.band["parameter"] for f in found] == ["outcome_width", "mislabelled"]
+
+
+def test_a_pull_counts_for_as_many_as_are_looked_at():
+    comparison, fitted = pulled(tip_stiffness=3.5)
+    compared = comparison.compare(comparison.model.nulls)
+    (found,) = (
+        f for f in failures(comparison.model.campaign, compared, np.ones(60), fitted) if f.quantity == "calibration"
+    )
+    alike = [p for p in comparison.parameters if p.touches == "structure"]
+    assert len(alike) > 1
+    assert found.chance == pytest.approx(len(alike) * 2.0 * stats.norm.sf(3.5))
+
+
+def test_a_right_model_is_not_told_to_fail_where_labels_err_as_priors_say():
+    """Labels err by what is drawn from the priors, and the fit, which knows the margins, has found by how much."""
+    ways, alarms, of_typical = 0, 0, 0
+    for seed in range(SETS):
+        rng = np.random.default_rng(seed)
+        plan = planned(rng, 150)
+        comparison = Comparison(model=base_model(plan))
+        names = [p.name for p in comparison.parameters]
+        noisy = comparison.model.nulls
+        for name in ("mislabelled", "outcome_width"):
+            width = comparison.parameters[names.index(name)].prior_width
+            noisy[names.index(name)] = rng.normal(0.0, width)
+        made = measured(plan, noisy, rng)
+        comparison = Comparison(model=base_model(made))
+        compared = comparison.compare(noisy)
+        known = SimpleNamespace(parameters=comparison.parameters, estimate=noisy, pull=np.zeros(len(noisy)))
+        ways += 2 * 3
+        alarms += sum(f.quantity == "outcome" for f in failures(made, compared, np.ones(150), known))
+        of_typical += sum(f.quantity == "outcome" for f in failures(made, compared, np.ones(150), None))
+    assert alarms <= stats.binom.ppf(0.999, ways, CHANCE)
+    # With labels that err as is typical, nothing else, right models would be told to fail.
+    assert of_typical > 2 * alarms
 
 
 def test_modes_are_told_one_by_one():

@@ -39,7 +39,7 @@ def failure(chance):
 
 POWERFUL = [Seen(Named(name), 50.0) for name in "abcd"]
 BLIND = [Seen(Named(name), 50.0 if name == "a" else 0.5 * ENOUGH) for name in "abcd"]
-NOTHING_LEFT: dict[str, list[Failure]] = {name: [] for name in (NOTHING, "a", "b", "c", "a + b")}
+NOTHING_LEFT: dict[str, list[Failure]] = {name: [] for name in (NOTHING, "a", "b", "c", "a + b", "a + c")}
 
 
 def decided(ranking, *pairs, powers=POWERFUL, **left):
@@ -96,6 +96,31 @@ def test_of_two_pairs_that_gain_alike_neither_is_named():
     assert (found.kind, found.missing) == ("ambiguous", ("a", "b", "c"))
     found = decided(ranking, ranked("a + b", 1.0, 40.0), ranked("a + c", 1.0, 30.0), **left)
     assert (found.kind, found.missing) == ("effect", ("a", "b"))
+
+
+def test_a_pair_is_held_against_its_better_half_and_against_pairs_without_the_first():
+    left = {"a": [failure(0.001)], NOTHING: [failure(0.001)]}
+    # Where two effects are as good as tied, so are the pairs with a third.
+    close = [ranked("a", 0.5, 20.0), ranked("b", 0.49, 19.97), ranked(NOTHING, 0.01, 0.0)]
+    found = decided(close, ranked("a + c", 1.0, 27.0), ranked("b + c", 1.0, 26.0), **left)
+    assert (found.kind, found.missing) == ("ambiguous", ("a", "b", "c"))
+    assert found.text.startswith("c is missing, and with it one of a, b")
+    found = decided(close, ranked("a + c", 1.0, 27.0), ranked("b + d", 1.0, 26.0), **left)
+    assert found.missing == ("a", "b", "c", "d")
+    assert found.text.startswith("Two effects are missing, a and c, or b and d, which")
+    found = decided(close, ranked("a + c", 1.0, 27.0), ranked("b + c", 1.0, 21.0), **left)
+    assert (found.kind, found.missing) == ("effect", ("a", "c"))
+    # Over nothing missing a pair may gain what its better half gains alone.
+    nothing = [ranked(NOTHING, 0.5, 0.0), ranked("a", 0.45, 3.5)]
+    assert decided(nothing, ranked("a + c", 1.0, 6.0), **left).kind == "unexplained"
+    assert decided(nothing, ranked("a + c", 1.0, 9.0), **left).missing == ("a", "c")
+
+
+def test_what_is_ruled_out_does_not_keep_anything_from_being_unexplained():
+    ranking = [ranked("a", 0.79, 20.0), ranked("b", 0.2099, 18.0), ranked(NOTHING, 1e-4, 0.0)]
+    left = {"a": [failure(0.001)], "b": [failure(0.001)]}
+    assert decided(ranking, **left).kind == "unexplained"
+    assert decided(ranking, a=[failure(0.001)]).kind == "ambiguous"
 
 
 def test_unexplained_is_not_said_where_one_that_is_not_ruled_out_passes():

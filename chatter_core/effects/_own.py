@@ -1,0 +1,144 @@
+"""Effects of users' own: what their declarations must say, and what becomes of a law that fails.
+
+A slip in a user's file is told with its file and line, as any other input that is not right; what goes wrong in the
+program's own effects is a fault of the program, and stays one.
+"""
+
+import re
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import fields
+from inspect import isabstract
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args, get_origin, get_type_hints
+
+from chatter_core.errors import ChatterError, InvalidInput
+from chatter_core.machine import Machine
+from chatter_core.parameters import Parameter, Touches
+from chatter_core.reading import nearest
+from chatter_core.stages import Stages
+
+if TYPE_CHECKING:
+    from chatter_core.effects._base import Effect
+
+#: What an effect may be said to change.
+CHANGES = ("bearing", "modes", "cut")
+#: What the arrows of the chain may be called, and parameters: the machine itself is no arrow.
+_ARROWS = [field.name for field in fields(Stages) if field.name != "machine"]
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+
+def require_complete(kind: "type[Effect]", file: Path) -> None:
+    """Raise InvalidInput with everything that a user's class leaves out, or says so that it means nothing.
+
+    See docs/physics.md#effects.
+    """
+    missing = [key for key in ("stage", "declared", "changes") if not hasattr(kind, key)]
+    missing += ["transform"] if isabstract(kind) else []
+    problems = [f"{kind.__name__} does not say {', '.join(missing)}"] if missing else list(_findings(kind))
+    if problems:
+        raise InvalidInput([f"effects_path: {file}: {problem}" for problem in problems])
+
+
+def _findings(kind: "type[Effect]") -> Iterator[str]:
+    if kind.stage not in _ARROWS:
+        yield f"stage: found {kind.stage!r}; {nearest(str(kind.stage), _ARROWS)}"
+    yield from _findings_of_parameters(kind)
+    names = [one.name for one in kind.declared if isinstance(one, Parameter)] if _is_tuple(kind.declared) else []
+    yield from _unknown("shapes", kind.shapes, names)
+    yield from _unknown("heard", () if kind.heard is None else (kind.heard,), names)
+    yield from _unknown("needs", kind.needs, list(Machine.model_fields))
+    yield from _unknown("changes", kind.changes, CHANGES)
+    yield from _findings_of_settings(kind)
+
+
+def _findings_of_parameters(kind: "type[Effect]") -> Iterator[str]:
+    if not _is_tuple(kind.declared) or not kind.declared:
+        yield f"declared: found {kind.declared!r}, allowed: a tuple of parameters, also of one: (Parameter(...),)"
+        return
+    named: list[str] = []
+    for one in kind.declared:
+        if not isinstance(one, Parameter):
+            yield f"declared: found {one!r}, allowed: parameters"
+            continue
+        if not _NAME.fullmatch(str(one.name)):
+            yield f"declared: found the name {one.name!r}, allowed: small letters, digits and _, a letter first"
+        if one.name in named:
+            yield f"declared: {one.name} stands twice"
+        if one.touches not in get_args(Touches):
+            allowed = nearest(str(one.touches), list(get_args(Touches)))
+            yield f"declared: touches of {one.name}: found {one.touches!r}; {allowed}"
+        if not one.lower <= one.prior_mean <= one.upper:
+            allowed = f"{one.lower:g} to {one.upper:g}"
+            yield f"declared: prior_mean of {one.name}: found {one.prior_mean:g}, allowed: {allowed}"
+        named.append(one.name)
+
+
+def _findings_of_settings(kind: "type[Effect]") -> Iterator[str]:
+    if not _is_tuple(kind.settings):
+        yield f"settings: found {kind.settings!r}, allowed: a tuple of settings, also of one: (Setting(...),)"
+        return
+    attributes = [field.name for field in fields(kind)]
+    for one in kind.settings:
+        if not (hasattr(one, "name") and hasattr(one, "choices")):
+            yield f"settings: found {one!r}, allowed: settings"
+        elif one.name not in attributes:
+            yield f"settings: {one.name} is no field of the class; needed: {one.name}: str, or int"
+        elif not _is_tuple(one.choices) or not one.choices:
+            yield f"settings: choices of {one.name}: found {one.choices!r}, allowed: a tuple of words or whole numbers"
+
+
+def _unknown(key: str, found: Any, allowed: Iterable[str]) -> Iterator[str]:
+    """Yield what a key names that there is not."""
+    if not _is_tuple(found):
+        yield f"{key}: found {found!r}, allowed: a tuple of names, also of one: (name,)"
+        return
+    known = list(allowed)
+    yield from (f"{key}: found {name!r}; {nearest(str(name), known)}" for name in found if name not in known)
+
+
+def _is_tuple(found: object) -> bool:
+    return isinstance(found, tuple)
+
+
+def watched(effect: "Effect", before: Any, machine: Machine, values: tuple[float, ...]) -> Any:
+    """Return the stage as a user's effect makes it; whatever fails in the user's file is told with its line.
+
+    Raises InvalidInput where the law raises, now or when the chain asks it, or returns another kind of thing than the
+    stage that it transforms.
+    """
+    file, kind = effect.own_file, _returned(effect.stage)
+    assert file is not None
+    law = told(file, effect.transform, before, machine, values)
+    if not callable(law):
+        raise InvalidInput([f"effects_path: {file}: transform returned {law!r}, needed: a function as it was given"])
+
+    def stage(*arguments: Any) -> Any:
+        found = told(file, law, *arguments)
+        if not isinstance(found, kind):
+            raise InvalidInput([f"effects_path: {file}: {effect.stage} returned {found!r}, needed: {kind.__name__}"])
+        return found
+
+    return stage
+
+
+def told(file: Path, call: Callable[..., Any], *arguments: Any) -> Any:
+    """Return what a function of a user's file returns.
+
+    Raises InvalidInput with file and line where it raises anything.
+    """
+    try:
+        return call(*arguments)
+    except ChatterError:
+        raise
+    except (Exception, SystemExit) as error:
+        lines = [one.lineno for one in traceback.extract_tb(error.__traceback__) if Path(one.filename) == file]
+        where = f", line {lines[-1]}" if lines else ""
+        raise InvalidInput([f"effects_path: {file}{where}: {type(error).__name__}: {error}"]) from error
+
+
+def _returned(stage: str) -> type:
+    """Return the class of what an arrow of the chain returns."""
+    annotated = get_args(get_type_hints(Stages)[stage])[-1]
+    kind: type = get_origin(annotated) or annotated
+    return kind

@@ -1,0 +1,121 @@
+"""The search for what is missing: single effects and pairs are fitted, spread over workers, and ranked."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import prod
+
+from chatter_core.evidence.candidates import Candidate, Hypothesis
+from chatter_core.evidence.pursuit import fit_hypothesis, ground, look, pursue, refit
+from chatter_core.evidence.ranking import NOTHING, Ranked, rank
+from chatter_core.evidence.verdict import leading_pair, not_ruled_out
+from pipeline.cluster import Workers
+from pipeline.jobs import Job, spread
+
+#: Hypotheses whose evidence comes so near to the best are fitted to their end [nats]: of others none could be named.
+CLOSE = 12.0
+#: Where the base model rises by more than this from the best effect's place [nats], all is looked at again, once.
+RISEN, GROUNDS = 1.0, 2
+#: Effects of which pairs are tried, the most probable, and second effects that are fitted beside each, those that
+#: promise most.
+FIRSTS, SECONDS = 2, 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Singles:
+    """The base model and every single effect, fitted; ranking: of nothing missing and the effects."""
+
+    base: Hypothesis
+    fitted: list[Hypothesis]
+
+    @property
+    def ranking(self) -> list[Ranked]:
+        """Nothing missing and every effect, the most probable first."""
+        return rank(self.base, self.fitted)
+
+
+def singles(workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate]) -> Singles:
+    """Return the base model and every candidate fitted beside it; the base model may have risen meanwhile."""
+    for _ in range(GROUNDS):
+        fitted_with = partial(fit_hypothesis, base.comparison, nested=ground(base))
+        near = spread(workers, [Job(name=str(one), call=partial(fitted_with, [one])) for one in candidates])
+        found = _climbed(workers, near)
+        first, before = rank(base, found)[0], base.fit.log_evidence
+        if first.name != NOTHING:
+            # The base model gets the same chance to arrive as what is held against it.
+            base = refit(base, first.best.fit)
+        if base.fit.log_evidence < before + RISEN:
+            # What stood where the base model was has not been held against a better one.
+            break
+    return Singles(base=base, fitted=found)
+
+
+def pairs_of(
+    workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate], ranking: Sequence[Ranked]
+) -> list[Ranked]:
+    """Return pairs with the effects that are not ruled out, the best first; none where all effects are.
+
+    Seconds are those that promise most beside the first: what a model with neither says of them may be nothing. Of a
+    pair that was met from both of its halves the better fit counts.
+    """
+    firsts = [one.best for one in not_ruled_out(ranking) if one.name != NOTHING][:FIRSTS]
+    known = [ground(one) for one in firsts]
+    looks = [
+        [
+            Job(
+                name=f"{first.name} and {one}",
+                call=partial(look, base.comparison, [*first.candidates, one], nested=beside),
+            )
+            for one in candidates
+            if one.name != first.name
+        ]
+        for first, beside in zip(firsts, known, strict=True)
+    ]
+    seen = iter(spread(workers, [job for jobs in looks for job in jobs]))
+    prospects = [sorted((next(seen) for _ in jobs), key=lambda one: -one.promise)[:SECONDS] for jobs in looks]
+    jobs = [
+        Job(name=f"{' and '.join(map(str, one.candidates))}, fitted", call=partial(pursue, one))
+        for of_first in prospects
+        for one in of_first
+    ]
+    paired = _once(_climbed(workers, spread(workers, jobs)))
+    variants_of = Counter(one.name for one in candidates)
+    counts = {pair.name: prod(variants_of[name] for name in pair.names) for pair in paired}
+    pairs = [one for one in rank(base, paired, counts) if one.name != NOTHING]
+    return sorted(pairs, key=lambda one: -one.gain)
+
+
+def with_half_refitted(found: Singles, pairs: Sequence[Ranked]) -> Singles:
+    """Return the single effects, the better half of the leading pair fitted again from the pair's place.
+
+    A pair that is held against a half that had not arrived gains what the half has missed.
+    """
+    pair = leading_pair(found.ranking, pairs)
+    if pair is None:
+        return found
+    half = max((one for one in found.fitted if one.name in pair.best.names), key=lambda one: one.fit.log_evidence)
+    again = refit(half, pair.best.fit)
+    return Singles(base=found.base, fitted=[again if one is half else one for one in found.fitted])
+
+
+def _once(pairs: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return every pair of effects in its variants once, as it was fitted best."""
+    best: dict[tuple[str, ...], Hypothesis] = {}
+    for one in sorted(pairs, key=lambda pair: pair.fit.log_evidence):
+        best[tuple(sorted(str(candidate) for candidate in one.candidates))] = one
+    return list(best.values())
+
+
+def _climbed(workers: Workers | None, near: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return hypotheses, fitted to their end where an effect has left its null and they come near the best."""
+    found, ended = list(near), {index for index, one in enumerate(near) if not one.moved}
+    while True:
+        best = max((one.fit.log_evidence for one in found), default=0.0)
+        close = [i for i, one in enumerate(found) if i not in ended and one.fit.log_evidence > best - CLOSE]
+        if not close:
+            return found
+        jobs = [Job(name=f"{found[i].name}, to its end", call=partial(refit, found[i], found[i].fit)) for i in close]
+        for index, one in zip(close, spread(workers, jobs), strict=True):
+            found[index] = one
+            ended.add(index)
