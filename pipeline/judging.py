@@ -94,13 +94,11 @@ def _refuse_loss(verb: Verb[Found], output: Path, options: JudgingOptions, asked
         if before not in (None, asked.name):
             raise InvalidInput([f"output: {output} holds the answer for campaign {shown(before)}; name another folder"])
     refuse_foreign(output, DOCUMENTS)
-    if not any((output / document).exists() for document in DOCUMENTS):
-        for file in verb.files:
-            if (output / file).exists():
-                raise InvalidInput(
-                    [f"output: {output} holds a {file} that no earlier answer has written; name another"]
-                )
     require_room(output, verb.files)
+    answered = any((output / document).exists() for document in DOCUMENTS)
+    for file in verb.files:
+        if not answered and (output / file).exists():
+            raise InvalidInput([f"output: {output} holds a {file} that no earlier answer has written; name another"])
 
 
 def _campaign_of(document: Path) -> str | None:

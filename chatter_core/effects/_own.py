@@ -106,6 +106,8 @@ def watched(effect: "Effect", before: Any, machine: Machine, values: tuple[float
 
     Raises InvalidInput where the law raises, now or when the chain asks it, or returns another kind of thing than the
     stage that it transforms.
+
+    See docs/physics.md#effects.
     """
     file, kind = effect.own_file, _returned(effect.stage)
     assert file is not None
@@ -126,6 +128,8 @@ def told(file: Path, call: Callable[..., Any], *arguments: Any) -> Any:
     """Return what a function of a user's file returns.
 
     Raises InvalidInput with file and line where it raises anything.
+
+    See docs/physics.md#effects.
     """
     try:
         return call(*arguments)
