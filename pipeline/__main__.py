@@ -12,7 +12,7 @@ from chatter_core.errors import ChatterError, InvalidInput
 from pipeline import completion, usage
 from pipeline.errors import StoreInUse
 from pipeline.stopping import heard, leave_terminal
-from pipeline.telling import complain, finish, leave_telling, note, say, told
+from pipeline.telling import Telling, alone, complain, finish, leave_telling, note, say, told
 from pipeline.verbs import VERBS
 
 __all__ = ["VERBS", "main"]
@@ -36,10 +36,10 @@ def main(words: list[str] | None = None) -> int:
         words = ["help", *(word for word in words if word not in {"help", *HELP, *VERSION})]
     verb, rest = (words[0], words[1:]) if words else ("", [])
     with told(rest if verb in VERBS else []) as telling:
-        return _guarded(lambda: finish(telling, verb, _carry_out(verb, rest)))
+        return _guarded(lambda: finish(telling, verb, _carry_out(telling, verb, rest)))
 
 
-def _carry_out(verb: str, rest: list[str]) -> int:
+def _carry_out(telling: Telling, verb: str, rest: list[str]) -> int:
     """Answer at once, or do what a verb does; return the exit code."""
     if not verb or verb in ANSWERED_BY:
         say(ANSWERED_BY[verb or "help"](rest))
@@ -47,7 +47,7 @@ def _carry_out(verb: str, rest: list[str]) -> int:
     if unreadable := [word for word in rest if word != word.encode(errors="replace").decode()]:
         # A page, a journal and a store could not repeat them.
         raise InvalidInput([f"{word}: holds bytes that are no UTF-8 text" for word in unreadable])
-    with _role(rest) as drives, _terminated_in_order():
+    with alone(telling), _role(rest) as drives, _terminated_in_order():
         if drives:
             return _run_of(verb)(rest)
     leave_telling()

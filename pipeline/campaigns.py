@@ -18,10 +18,11 @@ from chatter_core.stages import Stages
 from chatter_core.tip import most_modes
 from pipeline import model_file
 from pipeline.configuration import EFFECTS_PATH, Words, compose_settings
+from pipeline.fitted_cuts import seen
 from pipeline.settings import Cluster, Settings
 from pipeline.shipped import EFFECTS
 from pipeline.telling import remark
-from pipeline.verbs.campaigns import CampaignOptions
+from pipeline.verbs.campaigns import CampaignOptions, JudgingOptions
 
 Options = TypeVar("Options", bound=CampaignOptions)
 
@@ -31,13 +32,15 @@ class Asked:
     """What a verb works on.
 
     name: of the campaign, as it is told; model: what is asked for; belief: what is known of its parameters before the
-    campaign; content: what it is made of; cluster: where to compute.
+    campaign; content: what it is made of; unseen: whether it was fitted to none of the campaign's cuts; cluster: where
+    to compute.
     """
 
     name: str
     model: CampaignModel
     belief: Belief
     content: model_file.Content
+    unseen: bool
     cluster: Cluster
 
 
@@ -88,9 +91,13 @@ def read(options: CampaignOptions, words: Words) -> Asked:
     """
     campaign = read_campaign(options.campaign)
     settings = _settings_of(words, options.campaign / MACHINE_FILE)
+    known = ""
     if options.model is not None:
         found = model_file.read(options.model, campaign.machine, settings.effects_path)
         content = found.content(settings.effects_path)
+        known = seen(campaign, found.fitted_cuts)
+        if known and isinstance(options, JudgingOptions):
+            campaign = replace(campaign, remarks=(*campaign.remarks, known))
     else:
         content = _content_of(options, settings)
     model = model_of(campaign, content)
@@ -101,7 +108,7 @@ def read(options: CampaignOptions, words: Words) -> Asked:
     for line in remarks(campaign):
         remark(line)
     name = printable(options.campaign.resolve().name)
-    return Asked(name=name, model=model, belief=belief, content=content, cluster=settings.cluster)
+    return Asked(name=name, model=model, belief=belief, content=content, unseen=not known, cluster=settings.cluster)
 
 
 def _settings_of(words: Words, machine_file: Path) -> Settings:

@@ -214,6 +214,7 @@ def _scheduler_of_mpi() -> str:
 
 def _connected(address: str) -> Client:
     """Return a client of a scheduler that is there; raise InvalidInput where there is none."""
+    note(f"cluster: asking the scheduler at {address}, {SCHEDULER_PATIENCE} s at most")
     try:
         return Client(address, timeout=SCHEDULER_PATIENCE)
     except (OSError, ValueError) as error:

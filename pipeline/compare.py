@@ -30,7 +30,7 @@ def _compare(workers: Workers | None, asked: Asked) -> Assessment:
 
 def _write(found: Assessment, asked: Asked, output: Path) -> list[Path]:
     paths = comparison_page.write(found, asked.name, output)
-    model_file.write(output / MODEL, asked.model.campaign.machine, found.refitted.fit, asked.content)
+    model_file.write(output / MODEL, asked.model.campaign, found.refitted.fit, asked.content)
     return [*paths, output / MODEL]
 
 

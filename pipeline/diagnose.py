@@ -23,7 +23,7 @@ def _diagnose(workers: Workers | None, asked: Asked) -> Diagnosis:
 
 def _write(found: Diagnosis, asked: Asked, output: Path) -> list[Path]:
     paths = diagnosis_page.write(found, asked.name, output)
-    of_what = (asked.model.campaign.machine, found.supported.fit, found.supported_content)
+    of_what = (asked.model.campaign, found.supported.fit, found.supported_content)
     model_file.write(output / MODEL, *of_what, remarks=found.stands_for)
     return [*paths, output / MODEL]
 

@@ -34,9 +34,7 @@ def facts(found: Improvement, campaign: str) -> dict[str, Any]:
 
 def _write(found: Improvement, asked: Asked, output: Path) -> list[Path]:
     paths = improvement_page.write(found, asked.name, output)
-    model_file.write(
-        output / MODEL, asked.model.campaign.machine, found.final.fit, found.content, remarks=found.stand_for
-    )
+    model_file.write(output / MODEL, asked.model.campaign, found.final.fit, found.content, remarks=found.stand_for)
     return [*paths, output / MODEL]
 
 

@@ -20,8 +20,8 @@ from pipeline.model_file import Content
 
 #: Effects are added so many times at most.
 MOST_STEPS = 3
-#: Errors on which a model as described has not seen the cuts: only the labels' noise and the sensors are fitted then.
-UNSEEN = ("outcome", "depth_margin", "chatter_frequency", "limit_depth")
+#: Errors on cuts, which a model as described has not seen: only the labels' noise and the sensors are fitted then.
+OF_CUTS = ("outcome", "depth_margin", "chatter_frequency", "limit_depth")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,7 @@ class Improvement:
 def improve(workers: Workers | None, asked: Asked) -> Improvement:
     """Return a model with what is missing added, step by step."""
     model, belief, content = asked.model, asked.belief, asked.content
-    rows = [_first_row(model, belief)]
+    rows = [row_as_described(model, belief, unseen=asked.unseen)]
     diagnoses: list[Diagnosis] = []
     start, of_base = belief, None
     while True:
@@ -101,12 +101,12 @@ def _before_and_after(workers: Workers | None, diagnoses: list[Diagnosis], added
     return side_by_side(workers, (first.base, first.version(first.base)), (last.base, final))
 
 
-def _first_row(model: CampaignModel, belief: Belief) -> dict[str, Any]:
-    """Return the row of the model as described, whose cuts all are held out."""
+def row_as_described(model: CampaignModel, belief: Belief, *, unseen: bool) -> dict[str, Any]:
+    """Return the row of the model as described, whose cuts all are held out where it was fitted to none of them."""
     comparison = Comparison(model=model)
     found = version("As described", comparison, as_described(comparison, belief), belief.about(model), ())
-    unseen = UNSEEN if groups(model.campaign) else ()
-    return _row("as described", found, {name: found.scores[name] for name in unseen if name in found.scores})
+    held_out = OF_CUTS if unseen and groups(model.campaign) else ()
+    return _row("as described", found, {name: found.scores[name] for name in held_out if name in found.scores})
 
 
 def _history(rows: list[dict[str, Any]]) -> pd.DataFrame:

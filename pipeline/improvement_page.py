@@ -99,7 +99,7 @@ def lead(found: Improvement) -> list[str]:
     added = _readable(", ".join(found.added))
     told = [f"Added to the model: {added}." if added else "Nothing was added to the model."]
     told += [_readable(line) for line in found.stand_for]
-    told += _headline(found.history)
+    told += headline(found.history)
     verdict = _readable(found.diagnoses[-1].verdict.text)
     told.append(f"In the end: {verdict[0].lower()}{verdict[1:]}")
     if found.unfinished:
@@ -107,13 +107,14 @@ def lead(found: Improvement) -> list[str]:
     return told
 
 
-def _headline(table: pd.DataFrame) -> list[str]:
+def headline(table: pd.DataFrame) -> list[str]:
     """Return the error of the first quantity that was measured, by every version of the model, as a sentence."""
     for name, words in HEADS.items():
         for kind, where in (("held_out", "on cuts held out"), ("in_sample", "on the data of the fit")):
             if f"{name}_{kind}" in table:
                 steps = zip(table["effect"], table[f"{name}_{kind}"], strict=True)
-                told = ", ".join(f"{_shown(name, value)} {_version(effect)}" for effect, value in steps)
+                known = [(effect, value) for effect, value in steps if np.isfinite(value)]
+                told = ", ".join(f"{_shown(name, value)} {_version(effect)}" for effect, value in known)
                 return [f"{words}, {where}: {told}."]
     return []
 

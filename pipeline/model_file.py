@@ -12,11 +12,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from chatter_core.effects import effect_class, effect_names
 from chatter_core.errors import InvalidInput
+from chatter_core.evidence import Campaign
 from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.machine import Machine
 from chatter_core.reading import load_yaml, sentences, shown
+from pipeline.fitted_cuts import marks
 from pipeline.settings import differing_keys, own_digests
 
 HEAD = """# A calibrated model: the machine that it belongs to, effects, and parameters as they were fitted.
@@ -73,6 +75,7 @@ class ModelFile(BaseModel):
     )
     parameters: tuple[FittedParameter, ...] = Field(max_length=1000, description="fitted parameters")
     correlation: tuple[tuple[float, ...], ...] = Field(description="how they correlate, a row for each")
+    fitted_cuts: tuple[str, ...] = Field(default=(), description="marks of the cuts that they were fitted to")
     machine: Machine = Field(description="the machine as described, that the parameters belong to")
 
     @model_validator(mode="after")
@@ -100,8 +103,8 @@ class ModelFile(BaseModel):
         )
 
 
-def write(path: Path, machine: Machine, fit: Fit, content: Content, remarks: Sequence[str] = ()) -> None:
-    """Write a fit as a model file; content: what the model is made of; remarks: for those who read it."""
+def write(path: Path, campaign: Campaign, fit: Fit, content: Content, remarks: Sequence[str] = ()) -> None:
+    """Write a fit to a campaign as a model file; content: what the model is made of; remarks: for those who read it."""
     kept = [i for i, parameter in enumerate(fit.parameters) if not parameter.name.startswith(OF_A_RESPONSE)]
     parameters = [
         {
@@ -120,7 +123,8 @@ def write(path: Path, machine: Machine, fit: Fit, content: Content, remarks: Seq
         **({"own_effects": digests} if (digests := own_digests(content.effects, content.effects_path)) else {}),
         "parameters": parameters,
         "correlation": correlation,
-        "machine": machine.described(),
+        **({"fitted_cuts": cuts} if (cuts := marks(campaign)) else {}),
+        "machine": campaign.machine.described(),
     }
     head = HEAD + "".join(f"# {remark}\n" for remark in remarks)
     path.write_text(head + yaml.safe_dump(written, sort_keys=False, default_flow_style=None, width=120), "utf-8")

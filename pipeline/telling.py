@@ -6,11 +6,12 @@ second; with ``format=json`` the first holds the object alone; with ``quiet=true
 
 import json
 import math
+import os
 import re
 import shlex
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
@@ -117,6 +118,36 @@ def fact(**facts: Any) -> None:
 def bars() -> bool:
     """Return whether a bar may show how far something is: on a terminal that can go back in a line, to people."""
     return sys.stderr is not None and sys.stderr.isatty() and not _now.quiet
+
+
+@contextmanager
+def alone(telling: Telling) -> Iterator[None]:
+    """Keep standard output for the JSON object where one is asked for.
+
+    What others print meanwhile, a law of the user's own or a worker that it runs on, goes to standard error.
+    """
+    if not telling.as_json or sys.stdout is None or sys.stderr is None:
+        yield
+        return
+    with redirect_stdout(sys.stderr), _inherited_aside(sys.__stdout__, sys.__stderr__):
+        yield
+
+
+@contextmanager
+def _inherited_aside(answer: TextIO | None, aside: TextIO | None) -> Iterator[None]:
+    """Have processes that are started meanwhile write to ``aside`` what they write to ``answer``."""
+    if answer is None or aside is None:
+        yield
+        return
+    answer.flush()
+    number = answer.fileno()
+    kept = os.dup(number)
+    try:
+        os.dup2(aside.fileno(), number)
+        yield
+    finally:
+        os.dup2(kept, number)
+        os.close(kept)
 
 
 def leave_telling() -> None:

@@ -123,7 +123,7 @@ def _model_text(hypothesis: Hypothesis) -> str:
         content = content.with_effect(candidate.name, candidate.settings)
     with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch) / "model.yaml"
-        model_file.write(path, hypothesis.comparison.model.campaign.machine, hypothesis.fit, content)
+        model_file.write(path, hypothesis.comparison.model.campaign, hypothesis.fit, content)
         return path.read_text(encoding="utf-8")
 
 

@@ -175,6 +175,9 @@ def test_a_written_model_predicts_what_the_comparison_said(down_milling, tmp_pat
     # From its own calibration: as described is what it was calibrated to.
     first, second = (json.loads((f / "comparison.json").read_text())["errors"] for f in (down_milling, again))
     assert second["outcome"]["as_described"]["value"] == first["outcome"]["calibrated"]["value"]
+    no_test = "the model was fitted to all of these cuts already; its errors on them as described are no test of it"
+    assert told["remarks"] == [f"remark: {no_test}"]
+    assert no_test in (again / "report.html").read_text()
 
 
 def test_columns_and_order_of_planned_cuts_are_kept(tmp_path):
@@ -334,7 +337,7 @@ def test_a_machine_with_nothing_missing_is_told_right_once_calibrated(tmp_path):
         found = calibrate(comparison)
     # Nothing is left beyond what noise explains.
     assert failures(comparison.model.campaign, comparison.compare(found.estimate), np.zeros(92), found) == []
-    model_file.write(tmp_path / "model.yaml", comparison.model.campaign.machine, found, model_file.Content())
+    model_file.write(tmp_path / "model.yaml", comparison.model.campaign, found, model_file.Content())
     rows = table(DATA / "clean_trials" / "d01.csv")
     file = plan(tmp_path, [[r["trial"], r["spindle_speed_rpm"], r["axial_depth_mm"]] for r in rows])
     said = predicted(CAMPAIGNS / "d01", file, tmp_path / "out.csv", f"model={tmp_path / 'model.yaml'}")

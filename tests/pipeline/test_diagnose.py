@@ -11,9 +11,12 @@ import pandas as pd
 import pytest
 import yaml
 
+from chatter_core.evidence import base_model, read_campaign
+from chatter_core.evidence.belief import PRIORS
 from pipeline import improvement_figure, improvement_page
 from pipeline.__main__ import main
 from pipeline.comparison_page import PLOTTED
+from pipeline.improvement import row_as_described
 from tests.documentation.answers import undocumented, undocumented_columns, unseen
 from tests.documentation.commands import ROOT, answer_below, asked_for
 
@@ -132,6 +135,15 @@ def test_errors_of_an_improvement_stand_with_their_units_and_what_is_not_known_i
     assert [line.get_label() for line in outcome.lines] == ["on the data of the fit", "on cuts held out"]
     # Drawn where it was told: never joined to what is not known.
     assert np.isnan(frequency.lines[0].get_ydata()[1])
+
+
+def test_cuts_that_a_model_was_fitted_to_are_not_called_held_out():
+    model = base_model(read_campaign(CAMPAIGNS / "r01"))
+    first, again = (row_as_described(model, PRIORS, unseen=unseen) for unseen in (True, False))
+    assert {name for name in first if name not in again} == {"outcome_held_out", "depth_margin_held_out"}
+    assert first["outcome_in_sample"] == first["outcome_held_out"] == again["outcome_in_sample"]
+    table = pd.DataFrame([{"effect": "as described"}, {"effect": "calibrated", "outcome_held_out": 0.12}])
+    assert improvement_page.headline(table) == ["Outcomes told wrongly, on cuts held out: 12.0 % calibrated."]
 
 
 def refused(capsys, *words):

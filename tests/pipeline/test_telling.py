@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline import point
 from pipeline.__main__ import main
 from pipeline.telling import command
 from tests.pipeline.studies import CELLS, CHUNKS, sweep
@@ -102,6 +103,22 @@ def test_quiet_tells_errors_and_scripts_get_their_object(capsys):
     assert people == ""
     assert main([*POINT, "quiet=perhaps"]) == 2
     assert "quiet: found 'perhaps', allowed: one of 'true' or 'false'" in capsys.readouterr().err
+
+
+def test_what_a_law_or_its_worker_prints_is_kept_out_of_the_object(capfd, monkeypatch):
+    computed = point.run
+
+    def printing(words):
+        print("by a law")
+        subprocess.run([sys.executable, "-c", "print('by a worker')"], check=True)
+        return computed(words)
+
+    monkeypatch.setattr(point, "run", printing)
+    told, people = object_of(capfd, *POINT, "quiet=true")
+    assert told["status"] == "ok"
+    assert sorted(people.splitlines()) == ["by a law", "by a worker"]
+    assert main(POINT) == 0
+    assert capfd.readouterr().out.startswith("by a law\nby a worker\n")
 
 
 def test_a_command_is_told_as_the_program_was_called_and_can_be_pasted(monkeypatch):
