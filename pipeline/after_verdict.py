@@ -5,11 +5,11 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from chatter_core.evidence.assessment import Assessment, Limits, Version, curvature
+from chatter_core.evidence.assessment import Assessment, Ended, Limits, Version, curvature
 from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.held_out import together
-from chatter_core.evidence.intervals import End
+from chatter_core.evidence.intervals import ROUGH
 from chatter_core.evidence.next_measurement import NextMeasurement, next_receptances, of_cut, other_cuts
 from chatter_core.evidence.next_trial import NextTrial, next_trial
 from chatter_core.evidence.ranking import NOTHING
@@ -20,6 +20,7 @@ from pipeline.corrections import correct
 from pipeline.diagnosis import Diagnosis, name_of
 from pipeline.jobs import Job, spread, spread_parts
 from pipeline.pieces import held_out_jobs, interval_jobs, intervals, lobe_jobs
+from pipeline.profiling import own_parameters
 
 #: Parts of what is computed when the verdict stands, beside the cuts held out, which bear the names of hypotheses.
 ENDS, CUTS, RESPONSES = "ends of intervals", "next cuts", "next receptances"
@@ -42,7 +43,7 @@ def completed(
         workers,
         {
             **{name_of(one): _held_out_jobs(one, found.base, belief) for one in reversed(told_of)},
-            ENDS: _interval_jobs(found.supported),
+            ENDS: _interval_jobs(found),
             **_next_jobs(*(one.best for one in found.contenders)),
         },
     )
@@ -54,14 +55,14 @@ def completed(
         held_out=known | {name: cut_scores(campaign, together(groups)) for name, groups in said.items()},
         next_trial=cut,
         next_measurements=measurements,
-        intervals=_intervals(found.supported, parts[ENDS]),
+        intervals=_intervals(found, parts[ENDS]),
         corrections=correct(workers, found.base) if found.verdict.kind == "unexplained" else None,
     )
 
 
-def intervals_of(workers: Workers | None, named: Hypothesis) -> dict[str, Limits]:
+def intervals_of(workers: Workers | None, found: Diagnosis) -> dict[str, Limits]:
     """Return the profile intervals of the parameters of effects that are named; none for the base model."""
-    return _intervals(named, spread(workers, _interval_jobs(named)))
+    return _intervals(found, spread(workers, _interval_jobs(found)))
 
 
 def side_by_side(
@@ -106,17 +107,15 @@ def _held_out_jobs(hypothesis: Hypothesis, base: Hypothesis, belief: Belief) -> 
     return held_out_jobs(hypothesis.comparison, hypothesis.fit.estimate, before, anew=hypothesis is base)
 
 
-def _interval_jobs(named: Hypothesis) -> list[Job]:
-    return interval_jobs(named.comparison, named.fit, _own_parameters(named))
+def _interval_jobs(found: Diagnosis) -> list[Job]:
+    """Return the jobs for the intervals of effects that are named; none where the search has found them."""
+    named = found.supported
+    return [] if found.intervals else interval_jobs(named.comparison, named.fit, own_parameters(named), ROUGH)
 
 
-def _intervals(named: Hypothesis, ends: Sequence[End | str]) -> dict[str, Limits]:
-    return intervals(named.fit, _own_parameters(named), ends)
-
-
-def _own_parameters(named: Hypothesis) -> list[str]:
-    """Return the names of the parameters of a hypothesis' effects."""
-    return [parameter.name for candidate in named.candidates for parameter in candidate.term.parameters]
+def _intervals(found: Diagnosis, ends: Sequence[Ended]) -> dict[str, Limits]:
+    """Return the intervals of effects that are named, as the search has found them or as jobs have."""
+    return found.intervals or intervals(found.supported.fit, own_parameters(found.supported), ends)
 
 
 def _next_jobs(first: Hypothesis, second: Hypothesis) -> dict[str, list[Job]]:

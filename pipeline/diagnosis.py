@@ -1,7 +1,7 @@
 """What is missing in a model: every candidate is fitted to a campaign, and one of five answers given."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -26,7 +26,7 @@ from pipeline.cluster import Workers
 from pipeline.corrections import Corrections
 from pipeline.jobs import Job, spread
 from pipeline.model_file import Content
-from pipeline.search import pairs_of, singles, with_half_refitted
+from pipeline.search import Singles, arrived, pairs_of, singles, with_half_refitted
 
 #: Effects that restore what a base model was asked to leave out.
 RESTORING = {"speed_dependent_bearing": "base", "higher_modes": "modes"}
@@ -226,6 +226,19 @@ def diagnose(
     (fit,) = spread(workers, [Job(name="base model", call=partial(calibrate, comparison, start=known))])
     base = Hypothesis(candidates=(), comparison=comparison, fit=fit)
     found = singles(workers, base, candidates)
+    diagnosis = _decided(workers, found, candidates, content)
+    named = diagnosis.supported
+    if named is not found.ranking[0].best or named is found.base:
+        return diagnosis
+    settled = arrived(workers, found)
+    if settled.ranking[0].best is not named:
+        diagnosis = _decided(workers, settled, candidates, content)
+    kept = settled.intervals if diagnosis.supported is settled.ranking[0].best else {}
+    return replace(diagnosis, intervals=kept)
+
+
+def _decided(workers: Workers | None, found: Singles, candidates: Sequence[Candidate], content: Content) -> Diagnosis:
+    """Return what the base model and the single effects, and pairs where one does not suffice, say together."""
     first = found.ranking[0].best
     seen = _judged(first)
     pairs: list[Ranked] = []
@@ -245,7 +258,7 @@ def diagnose(
         powers=powers,
         judged=judged,
         left=left,
-        not_tried=not_tried(model, content),
+        not_tried=not_tried(base.comparison.model, content),
         verdict=decide(ranking, pairs, powers, left),
     )
 

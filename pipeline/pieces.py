@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from functools import partial
 
 from chatter_core.evidence import CampaignModel, Comparison
-from chatter_core.evidence.assessment import Limits, interval, interval_end
+from chatter_core.evidence.assessment import Ended, Limits, interval, interval_end
 from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.boundary import field, setups
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.held_out import groups, held_out
-from chatter_core.evidence.intervals import SIDES, End
+from chatter_core.evidence.intervals import HIGHER, SIDES
 from chatter_core.evidence.parameters import Array
 from pipeline.jobs import Job
 
@@ -37,16 +37,22 @@ def lobe_jobs(model: CampaignModel, belief: Belief, name: str) -> list[Job]:
     return [Job(name=name, call=partial(field, model, belief, kind)) for kind in kinds]
 
 
-def interval_jobs(comparison: Comparison, fit: Fit, names: Sequence[str]) -> list[Job]:
-    """Return two jobs for the profile interval of each of some parameters, its lower end and its upper one."""
+def interval_jobs(comparison: Comparison, fit: Fit, names: Sequence[str], rough: float = HIGHER) -> list[Job]:
+    """Return two jobs for the profile interval of each of some parameters, its lower end and its upper one.
+
+    rough: as for ``profile_end``.
+    """
     return [
-        Job(name=f"{word} end of the interval of {name}", call=partial(interval_end, comparison, fit, name, side))
+        Job(
+            name=f"{word} end of the interval of {name}",
+            call=partial(interval_end, comparison, fit, name, side, rough),
+        )
         for name in names
         for side, word in zip(SIDES, ("lower", "upper"), strict=True)
     ]
 
 
-def intervals(fit: Fit, names: Sequence[str], ends: Sequence[End | str]) -> dict[str, Limits]:
+def intervals(fit: Fit, names: Sequence[str], ends: Sequence[Ended]) -> dict[str, Limits]:
     """Return the intervals that the answers of ``interval_jobs`` make, by parameter."""
     pairs = zip(ends[::2], ends[1::2], strict=True)
     return {name: interval(fit, name, low, high) for name, (low, high) in zip(names, pairs, strict=True)}

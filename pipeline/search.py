@@ -2,16 +2,18 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import prod
 
+from chatter_core.evidence.assessment import Limits
 from chatter_core.evidence.candidates import Candidate, Hypothesis
 from chatter_core.evidence.pursuit import fit_hypothesis, ground, look, pursue, refit
 from chatter_core.evidence.ranking import NOTHING, Ranked, rank
 from chatter_core.evidence.verdict import leading_pair, not_ruled_out
 from pipeline.cluster import Workers
 from pipeline.jobs import Job, spread
+from pipeline.profiling import profiled
 
 #: Hypotheses whose evidence comes so near to the best are fitted to their end [nats]: of others none could be named.
 CLOSE = 12.0
@@ -24,10 +26,14 @@ FIRSTS, SECONDS = 2, 4
 
 @dataclass(frozen=True, kw_only=True)
 class Singles:
-    """The base model and every single effect, fitted; ranking: of nothing missing and the effects."""
+    """The base model and every single effect, fitted; ranking: of nothing missing and the effects.
+
+    intervals: of the parameters of the most probable effect, by profiles, where those were asked for.
+    """
 
     base: Hypothesis
     fitted: list[Hypothesis]
+    intervals: dict[str, Limits] = field(default_factory=dict)
 
     @property
     def ranking(self) -> list[Ranked]:
@@ -49,6 +55,19 @@ def singles(workers: Workers | None, base: Hypothesis, candidates: Sequence[Cand
             # What stood where the base model was has not been held against a better one.
             break
     return Singles(base=base, fitted=found)
+
+
+def arrived(workers: Workers | None, found: Singles) -> Singles:
+    """Return the single effects, the most probable where no profile of its parameters ends above it.
+
+    The base model gets the same chance to arrive as what is held against it.
+    """
+    first = found.ranking[0].best
+    again, limits = profiled(workers, first)
+    if again is first:
+        return replace(found, intervals=limits)
+    fitted = [again if one is first else one for one in found.fitted]
+    return Singles(base=refit(found.base, again.fit), fitted=fitted, intervals=limits)
 
 
 def pairs_of(

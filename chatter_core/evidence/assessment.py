@@ -19,12 +19,16 @@ from chatter_core.evidence.cuts import where_it_chatters
 from chatter_core.evidence.failures import Failure, failures
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.held_out import together
-from chatter_core.evidence.intervals import End, profile_end
+from chatter_core.evidence.intervals import HIGHER, End, profile_end
 from chatter_core.evidence.prediction import CampaignModel, Prediction
 from chatter_core.evidence.scores import COVERAGE, Score, Told, cut_scores, structure_scores, told
 
 #: Half the interval of a normal distribution, in standard deviations.
 WIDTHS = float(ndtri(0.5 * (1.0 + COVERAGE)))
+
+
+#: An end of an interval, or why there is none.
+Ended = End | NotConverged
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,25 +88,27 @@ def as_described(comparison: Comparison, belief: Belief) -> Fit:
     return calibrate(comparison, start=belief.about(comparison.model).estimate, fixed=fixed)
 
 
-def interval_end(comparison: Comparison, fit: Fit, name: str, side: int) -> End | str:
+def interval_end(comparison: Comparison, fit: Fit, name: str, side: int, rough: float = HIGHER) -> Ended:
     """Return an end of the profile interval of a parameter, the lower or the upper one; why where profiling fails.
+
+    rough: as for ``profile_end``.
 
     See docs/physics.md#fit.
     """
     try:
-        return profile_end(comparison, fit, name, side, COVERAGE)
+        return profile_end(comparison, fit, name, side, COVERAGE, rough)
     except NotConverged as error:
-        return str(error)
+        return error
 
 
-def interval(fit: Fit, name: str, low: End | str, high: End | str) -> Limits:
+def interval(fit: Fit, name: str, low: Ended, high: Ended) -> Limits:
     """Return the profile interval of a parameter between two ends; where one failed, that of the curvature, and why.
 
     See docs/physics.md#fit.
     """
     if isinstance(low, End) and isinstance(high, End):
         return Limits(low=low.value, high=high.value, method="profile")
-    return curvature(fit, name, low if isinstance(low, str) else str(high))
+    return curvature(fit, name, str(high if isinstance(low, End) else low))
 
 
 def curvature(fit: Fit, name: str, reason: str) -> Limits:

@@ -12,8 +12,9 @@ from chatter_core.evidence.parameters import Array, Problem, column, position
 #: A drop this near to what is wanted, in standard deviations, gives the end by a straight line: the root of the
 #: drop is nearly one, and a tenth of it that is not leaves a hundredth of a deviation.
 NEAR_END = 0.15
-#: A refit that ends this much above the fit found another maximum [nats].
-HIGHER = 0.02
+#: A refit that ends this much above the fit found another maximum [nats]; where chatter frequencies jump a posterior
+#: has edges of about this height, and no climb finds the highest of them.
+HIGHER, ROUGH = 0.02, 1.0
 #: An end is known to this when the drop has no such value, in standard deviations of the parameter.
 EDGE_TOLERANCE = 0.03
 #: A refit ends where its next step promises less than this [nats]: the drop is then off by three hundredths at most.
@@ -22,6 +23,17 @@ REFIT_GAIN = 0.05
 MOST_REFITS = 10
 #: The lower end and the upper one.
 SIDES = (-1, 1)
+
+
+class HigherPlace(NotConverged):
+    """A refit ended above the fit, which was no maximum: values (parameter,), and by how much [nats]."""
+
+    def __init__(self, name: str, values: Array, rise: float) -> None:
+        self.name, self.values, self.rise = name, values, rise
+        super().__init__(name, values, rise)
+
+    def __str__(self) -> str:
+        return f"a refit for {self.name} ends {self.rise:.2g} nats above the fit, which was no maximum"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,16 +64,18 @@ def profile_interval(problem: Problem, fit: Fit, name: str, coverage: float = 0.
 
     Source: W. A. Rolke, A. M. Lopez, J. Conrad, Nucl. Instrum. Methods A 551 (2005) 493-503.
 
-    Raises InvalidInput for an unknown or fixed parameter or a coverage outside of (0, 1), and NotConverged
-    where a refit ends higher than the fit, which was no maximum then, or an end is not found.
+    Raises InvalidInput for an unknown or fixed parameter or a coverage outside of (0, 1), HigherPlace where a refit
+    ends higher than the fit, which was no maximum then, and NotConverged where an end is not found.
 
     See docs/physics.md#fit.
     """
     return joined(*(profile_end(problem, fit, name, side, coverage) for side in SIDES))
 
 
-def profile_end(problem: Problem, fit: Fit, name: str, side: int, coverage: float = 0.9) -> End:
+def profile_end(problem: Problem, fit: Fit, name: str, side: int, coverage: float = 0.9, rough: float = HIGHER) -> End:
     """Return one end of ``profile_interval``, the lower one for side -1 and the upper for +1; raises as that does.
+
+    rough: by how much a refit may end above the fit and the posterior still be taken for flat [nats].
 
     See docs/physics.md#fit.
     """
@@ -70,7 +84,7 @@ def profile_end(problem: Problem, fit: Fit, name: str, side: int, coverage: floa
         raise InvalidInput([f"parameter {name}: it was fixed in the fit and has no interval"])
     if not 0.0 < coverage < 1.0:
         raise InvalidInput([f"coverage: found {coverage:g}, allowed: between 0 and 1"])
-    return _end(problem, fit, index, side * float(ndtri(0.5 * (1.0 + coverage))))
+    return _end(problem, fit, index, side * float(ndtri(0.5 * (1.0 + coverage))), rough)
 
 
 def joined(low: End, high: End) -> Interval:
@@ -87,7 +101,7 @@ def joined(low: End, high: End) -> Interval:
     )
 
 
-def _end(problem: Problem, fit: Fit, index: int, wanted: float) -> End:
+def _end(problem: Problem, fit: Fit, index: int, wanted: float, rough: float) -> End:
     """Return the end where the root of twice the drop is ``wanted``."""
     parameter = problem.parameters[index]
     bound = parameter.upper if wanted > 0.0 else parameter.lower
@@ -95,7 +109,7 @@ def _end(problem: Problem, fit: Fit, index: int, wanted: float) -> End:
     following, start = values[0] + wanted * float(fit.standard_deviation[index]), fit.estimate
     for refit in range(1, MOST_REFITS + 1):
         place = min(following, bound) if wanted > 0.0 else max(following, bound)
-        drop, start = _drop(problem, fit, index, place, start)
+        drop, start = _drop(problem, fit, index, place, start, rough)
         values.append(place)
         drops.append(np.copysign(drop, wanted))
         if abs(drops[-1] - wanted) < NEAR_END:
@@ -132,17 +146,14 @@ def _following(values: list[float], drops: list[float], wanted: float, *, halve:
     return float(known[0] + (known[farthest] - known[0]) * min(2.0, 1.1 * abs(wanted) / max(size[farthest], 1e-3)))
 
 
-def _drop(problem: Problem, fit: Fit, index: int, value: float, start: Array) -> tuple[float, Array]:
+def _drop(problem: Problem, fit: Fit, index: int, value: float, start: Array, rough: float) -> tuple[float, Array]:
     """Return the root of twice the drop of the best log posterior at a value, and the values that reach it."""
     free = ~fit.fixed
     free[index] = False
     found = maximise(problem, [_expected(problem, fit, index, value, start)], free, most=1, smallest_gain=REFIT_GAIN)
     rise = found.log_posterior - fit.log_posterior
-    if rise > HIGHER:
-        raise NotConverged(
-            f"at {problem.parameters[index].name} = {value:g} a refit ends {rise:.2g} nats above the fit, which was "
-            "no maximum: fit again from there"
-        )
+    if rise > rough:
+        raise HigherPlace(problem.parameters[index].name, found.values, rise)
     return float(np.sqrt(2.0 * max(-rise, 0.0))), found.values
 
 

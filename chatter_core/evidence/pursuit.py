@@ -185,8 +185,15 @@ def refit(hypothesis: Hypothesis, start: Fit) -> Hypothesis:
 
     See docs/physics.md#diagnosis.
     """
+    return refit_from(hypothesis, carried(hypothesis.comparison, start))
+
+
+def refit_from(hypothesis: Hypothesis, start: Array) -> Hypothesis:
+    """Fit a hypothesis again from values (parameter,); the better one is returned.
+
+    See docs/physics.md#diagnosis.
+    """
     comparison = hypothesis.comparison
-    own = carried(comparison, start)
-    free = free_parameters(comparison, (), own)
-    found = result(comparison, maximise(comparison, [own], free, 1, LEFT_GAIN), 0, -np.inf)
+    free = free_parameters(comparison, (), start)
+    found = result(comparison, maximise(comparison, [start], free, 1, LEFT_GAIN), 0, -np.inf)
     return hypothesis if found.log_posterior < hypothesis.fit.log_posterior else replace(hypothesis, fit=found)

@@ -1,6 +1,8 @@
 """The fit of problems whose answer is known: linear and normal ones, a logistic one, bounds, jumps, valleys."""
 
 import math
+import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,10 +10,13 @@ from scipy import integrate, optimize, stats
 
 from chatter_core.errors import InvalidInput, NotConverged
 from chatter_core.evidence import newton
+from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.fit import fit, maximise, result
-from chatter_core.evidence.intervals import profile_interval
-from chatter_core.evidence.newton import Climb
+from chatter_core.evidence.intervals import HIGHER, ROUGH, HigherPlace, profile_end, profile_interval
+from chatter_core.evidence.newton import SMALLEST_GAIN, Climb
 from chatter_core.evidence.parameters import Evaluation, Parameter, log_prior, log_share
+from chatter_core.evidence.pursuit import LEFT_GAIN
+from pipeline.profiling import profiled
 
 
 def parameter(name="a", **kind):
@@ -255,8 +260,60 @@ def test_profile_intervals_are_skew_where_the_posterior_is_and_open_at_a_bound()
 def test_a_profile_that_climbs_above_its_fit_says_that_the_fit_was_none():
     two_peaks = Normal((parameter(prior_width=3.0),), lambda v: np.array([4.0 * (v[0] ** 2 - 1.0), 0.5 * (v[0] - 9.0)]))
     wrong = fit(two_peaks, starts=[np.array([-1.1])])
-    with pytest.raises(NotConverged, match=r"a refit ends .* nats above the fit|no end within"):
+    with pytest.raises(NotConverged, match=r"a refit for a ends .* nats above the fit|no end within"):
         profile_interval(two_peaks, wrong, "a", coverage=0.999999)
+
+
+def stopped(problem, off):
+    """A fit that stopped short of its maximum, so many deviations off in its first parameter and its last."""
+    found = fit(problem)
+    start = found.estimate + off * found.standard_deviation * np.array([1.0, 0.0, 1.0])
+    return found, result(problem, maximise(problem, [start], ~found.fixed, 1, smallest_gain=np.inf), 0, -np.inf)
+
+
+def test_a_profile_says_from_which_place_to_fit_again():
+    problem, *_ = linear()
+    found, short = stopped(problem, off=2.0)
+    with pytest.raises(HigherPlace) as raised:
+        profile_end(problem, short, "b", 1)
+    # Workers hand it on.
+    told = pickle.loads(pickle.dumps(raised.value))
+    assert str(told) == str(raised.value)
+    assert told.rise > HIGHER
+    again = maximise(problem, [told.values], ~found.fixed)
+    assert again.log_posterior == pytest.approx(found.log_posterior, abs=SMALLEST_GAIN)
+
+
+def test_an_end_on_a_rough_posterior_lies_beyond_that_of_a_smooth_one_by_what_the_fit_lacks():
+    problem, *_ = linear()
+    found, short = stopped(problem, off=1.25)
+    lacks = found.log_posterior - short.log_posterior
+    # So much higher a refit ends that looks for the end first where it would be of the smooth one.
+    assert HIGHER < lacks - 0.5 * stats.norm.ppf(0.95) ** 2 < ROUGH
+    end = profile_end(problem, short, "b", 1, rough=ROUGH)
+    # The profile is a parabola about the maximum; the drop counts from the fit.
+    size = math.sqrt(stats.norm.ppf(0.95) ** 2 + 2.0 * lacks)
+    deviation = found.standard_deviation[1]
+    assert end.value == pytest.approx(found.estimate[1] + size * deviation, abs=0.15 * deviation)
+
+
+def test_a_hypothesis_is_fitted_again_from_where_a_profile_ends_above_it():
+    problem, *_ = linear()
+    found, short = stopped(problem, off=2.0)
+    effect = SimpleNamespace(name="b", term=SimpleNamespace(parameters=problem.parameters[1:2]))
+    named, limits = profiled(None, Hypothesis(candidates=(effect,), comparison=problem, fit=short))
+    assert named.fit.log_posterior == pytest.approx(found.log_posterior, abs=LEFT_GAIN)
+    (interval,) = limits.values()
+    size = stats.norm.ppf(0.95) * found.standard_deviation[1]
+    assert interval.method == "profile"
+    assert interval.low == pytest.approx(found.estimate[1] - size, abs=0.15 * found.standard_deviation[1])
+    assert interval.high == pytest.approx(found.estimate[1] + size, abs=0.15 * found.standard_deviation[1])
+
+
+def test_a_base_model_has_no_effects_to_profile():
+    problem, *_ = linear()
+    base = Hypothesis(candidates=(), comparison=problem, fit=fit(problem))
+    assert profiled(None, base) == (base, {})
 
 
 def test_what_cannot_be_fitted_is_told():
