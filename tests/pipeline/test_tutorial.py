@@ -17,10 +17,10 @@ from pathlib import Path
 
 import pytest
 
+from chatter_core.errors import NotConverged
 from chatter_core.evidence import Comparison, next_trial
-from chatter_core.evidence.assessment import interval_end
+from chatter_core.evidence.assessment import Ended, interval_end
 from chatter_core.evidence.fit import Fit
-from chatter_core.evidence.intervals import End
 from pipeline import after_verdict, pieces
 from pipeline.__main__ import main
 from tests.documentation.commands import ROOT, blocks, words_of
@@ -71,9 +71,9 @@ class Told:
         return next(one["score"] for one in self.first["ranking"] if one["effect"] == effect)
 
 
-def of_effects_alone(comparison: Comparison, fit: Fit, name: str, side: int) -> End | str:
+def of_effects_alone(comparison: Comparison, fit: Fit, name: str, side: int, rough: float) -> Ended:
     """Return an end of an interval that the tutorial quotes, and why there is none for another parameter."""
-    return interval_end(comparison, fit, name, side) if "." in name else "the tutorial quotes none"
+    return interval_end(comparison, fit, name, side, rough) if "." in name else NotConverged("the tutorial quotes none")
 
 
 def commands() -> list[list[str]]:
