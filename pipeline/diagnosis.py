@@ -158,11 +158,12 @@ def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
             term=effect,
             shapes=tuple(f"{name}.{shape}" for shape in effect.shapes),
             heard=f"{name}.{effect.heard}" if effect.heard else None,
+            scan=(f"{name}.{effect.scan.parameter}", effect.scan.values) if effect.scan else None,
             place=effect.place(),
         )
         for name in _lacking(content)
         for effect in variants(name, content.effects_path)
-        if not _hindrance(effect, model)
+        if not _hindrance(effect, model) and not effect.repeats(model.campaign.machine)
     ]
     return sorted(found, key=lambda candidate: candidate.place, reverse=True)
 

@@ -29,12 +29,25 @@ class Setting:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Scan:
+    """Values of a parameter, in the unit of its name, that a diagnosis looks at one by one.
+
+    For effects of which one value says nothing about the next: where the data see a mode only beside its frequency, or
+    teeth only where their delays come around again.
+    """
+
+    parameter: str
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Effect(ShownAsCard, ABC):
     """An effect: a frozen class of its settings, with a law that transforms one arrow of the chain.
 
     stage: the field of ``Stages`` that it transforms; declared: its parameters, in the units of their names;
     shapes: names of those that say how the effect looks and not how strong it is; heard: the one of them that is a
-    frequency [Hz] at which the effect makes cuts chatter, if any; settings: its choices, each an attribute of the
+    frequency [Hz] at which the effect makes cuts chatter, if any; scan: where it is looked for, if it takes more than a
+    few strengths and shapes; settings: its choices, each an attribute of the
     class; needs: what of a machine it acts on; changes: what a strong value changes, of ``bearing``, ``modes`` (at the
     tip), ``cut`` (the multipliers). What is not named stays bit for bit. own_file: the file of a user's own effect.
     """
@@ -43,6 +56,7 @@ class Effect(ShownAsCard, ABC):
     declared: ClassVar[tuple[Parameter, ...]]
     shapes: ClassVar[tuple[str, ...]] = ()
     heard: ClassVar[str | None] = None
+    scan: ClassVar[Scan | None] = None
     settings: ClassVar[tuple[Setting, ...]] = ()
     needs: ClassVar[tuple[str, ...]] = ()
     changes: ClassVar[tuple[str, ...]]
@@ -108,6 +122,10 @@ class Effect(ShownAsCard, ABC):
 
     def _check(self, machine: Machine) -> None:  # most effects act on any machine with these parts
         """Raise InvalidInput where the effect cannot act on a machine that has all the parts it needs."""
+
+    def repeats(self, machine: Machine) -> bool:  # most settings differ on any machine
+        """Return whether another choice of its settings does the very same on a machine: one of them is enough."""
+        return False
 
     @abstractmethod
     def transform(self, before: Any, machine: Machine, values: tuple[float, ...]) -> Any:

@@ -47,6 +47,7 @@ def _findings(kind: "type[Effect]") -> Iterator[str]:
     names = [one.name for one in kind.declared if isinstance(one, Parameter)] if _is_tuple(kind.declared) else []
     yield from _unknown("shapes", kind.shapes, names)
     yield from _unknown("heard", () if kind.heard is None else (kind.heard,), names)
+    yield from _findings_of_scan(kind)
     yield from _unknown("needs", kind.needs, list(Machine.model_fields))
     yield from _unknown("changes", kind.changes, CHANGES)
     yield from _findings_of_settings(kind)
@@ -72,6 +73,25 @@ def _findings_of_parameters(kind: "type[Effect]") -> Iterator[str]:
             allowed = f"{one.lower:g} to {one.upper:g}"
             yield f"declared: prior_mean of {one.name}: found {one.prior_mean:g}, allowed: {allowed}"
         named.append(one.name)
+
+
+def _findings_of_scan(kind: "type[Effect]") -> Iterator[str]:
+    scan = kind.scan
+    declared = (
+        {one.name: one for one in kind.declared if isinstance(one, Parameter)} if _is_tuple(kind.declared) else {}
+    )
+    if scan is None:
+        return
+    if not (hasattr(scan, "parameter") and hasattr(scan, "values")):
+        yield f"scan: found {scan!r}, allowed: Scan(parameter=..., values=...)"
+    elif scan.parameter not in declared:
+        yield f"scan: found {scan.parameter!r}; {nearest(str(scan.parameter), list(declared))}"
+    elif not _is_tuple(scan.values) or not scan.values:
+        yield f"scan: found {scan.values!r}, allowed: a tuple of values"
+    else:
+        one = declared[scan.parameter]
+        beyond = [value for value in scan.values if not one.lower <= value <= one.upper]
+        yield from (f"scan: found {value:g}, allowed: {one.lower:g} to {one.upper:g}" for value in beyond[:1])
 
 
 def _findings_of_settings(kind: "type[Effect]") -> Iterator[str]:

@@ -5,11 +5,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from chatter_core.effects._base import Effect, Setting
+from chatter_core.effects._base import Effect, Scan, Setting
 from chatter_core.errors import InvalidInput
 from chatter_core.machine import Machine, Tool
 from chatter_core.parameters import Array, Parameter
 from chatter_core.teeth import Teeth
+
+#: Variations that are looked at one by one: with ten waves between two teeth 0.02 moves one by a fifth of its length.
+LOOKED_AT = (*(0.01 * np.arange(1, 12)), *(0.02 * np.arange(6, 23)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +31,7 @@ class VariablePitch(Effect):
     pattern: str
 
     stage: ClassVar[str] = "teeth"
+    scan: ClassVar[Scan | None] = Scan(parameter="variation", values=LOOKED_AT)
     changes: ClassVar[tuple[str, ...]] = ("cut",)
     settings: ClassVar[tuple[Setting, ...]] = (
         Setting(name="pattern", doc="how the pitches vary", choices=("linear", "alternating")),
@@ -48,6 +52,10 @@ class VariablePitch(Effect):
             raise InvalidInput(
                 [f"effects.{self.name()}.pattern: alternating needs an even number of teeth, not {teeth}"]
             )
+
+    def repeats(self, machine: Machine) -> bool:
+        """Return whether the pattern is that of the other choice: of two teeth either one is the nearer."""
+        return self.pattern == "alternating" and machine.tool.teeth == 2
 
     def transform(self, before: Any, machine: Machine, values: tuple[float, ...]) -> Any:
         """Return the teeth with other pitches."""

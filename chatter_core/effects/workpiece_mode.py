@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from chatter_core.effects._base import Effect, Setting
+from chatter_core.effects._base import Effect, Scan, Setting
 from chatter_core.machine import Machine
 from chatter_core.parameters import Array, Parameter
 from chatter_core.tip import AXES, OVER_SPEED, TipModes
@@ -30,6 +30,8 @@ class WorkpieceMode(Effect):
     stage: ClassVar[str] = "cut_modes"
     shapes: ClassVar[tuple[str, ...]] = ("natural_frequency_hz", "damping_ratio")
     heard: ClassVar[str | None] = "natural_frequency_hz"
+    # Six per cent apart: narrower lobes than these hold no cuts to tell them.
+    scan: ClassVar[Scan | None] = Scan(parameter="natural_frequency_hz", values=tuple(200.0 * 1.06 ** np.arange(34)))
     changes: ClassVar[tuple[str, ...]] = ("cut",)
     settings: ClassVar[tuple[Setting, ...]] = (Setting(name="axis", doc="direction it gives in", choices=AXES),)
     declared: ClassVar[tuple[Parameter, ...]] = (

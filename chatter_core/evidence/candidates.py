@@ -18,7 +18,7 @@ class Candidate:
 
     name: of the effect; settings: what was chosen of it; term: with its parameters; shapes: names of those that say
     how it looks and not how strong it is; heard: the one of them that is a frequency at which it makes cuts chatter
-    [Hz]; place: what terms are sorted by.
+    [Hz]; scan: a parameter and its values that are looked at one by one; place: what terms are sorted by.
     """
 
     name: str
@@ -27,6 +27,7 @@ class Candidate:
     shapes: tuple[str, ...]
     place: tuple[int, str]
     heard: str | None = None
+    scan: tuple[str, tuple[float, ...]] | None = None
 
     @property
     def amplitudes(self) -> tuple[Parameter, ...]:

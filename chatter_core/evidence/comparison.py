@@ -42,10 +42,14 @@ class Compared:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Comparison(ShownAsCard):
-    """The problem of a fit: a model of a campaign, judged by some quantities."""
+    """The problem of a fit: a model of a campaign, judged by some quantities.
+
+    by_size: whether responses count by the logarithms of their sizes, roughly.
+    """
 
     model: CampaignModel
     quantities: tuple[str, ...] = QUANTITIES
+    by_size: bool = False
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -65,6 +69,11 @@ class Comparison(ShownAsCard):
         measured = campaign.receptances or campaign.natural_frequencies or campaign.stiffness
         kept = tuple(name for name in self.quantities if name in STRUCTURAL)
         return replace(self, quantities=kept) if measured and kept else None
+
+    @property
+    def coarse(self) -> "Comparison | None":
+        """The structural one by the sizes of responses, which lead from far away to near a maximum."""
+        return None if self.structural is None else replace(self.structural, by_size=True)
 
     @property
     def smooth(self) -> "Comparison | None":
@@ -142,7 +151,8 @@ class Comparison(ShownAsCard):
         if not prediction.receptances:
             return {}
         pairs = zip(self.model.campaign.receptances, prediction.receptances, self._facts, strict=True)
-        parts = [likelihood.receptance(measured.value, predicted, *facts) for measured, predicted, facts in pairs]
+        law = likelihood.receptance_by_size if self.by_size else likelihood.receptance
+        parts = [law(measured.value, predicted, *facts) for measured, predicted, facts in pairs]
         return {
             "receptance": Contribution(
                 log_density=np.concatenate([part.log_density for part in parts]),

@@ -17,6 +17,8 @@ ComplexArray = NDArray[np.complex128]
 
 #: Errors of a receptance: share of the line's own size, and of the response's largest.
 LINE_ERROR, FLOOR_ERROR = 0.04, 0.02
+#: Where only sizes are compared, their logarithms may be off by so much: a search by them is to be blind to detail.
+SIZE_ERROR = 0.3
 #: Numbers that one resonance holds: frequency, damping, and the two parts of its residue.
 FACTS_OF_A_PEAK = 4.0
 #: Chatter frequency: share of itself, for reading it, and the least [rad/s]; and the share by which it drifts as
@@ -193,6 +195,24 @@ def receptance(measured: ComplexArray, predicted: ComplexArray, independent: flo
     density = -0.5 * np.abs(residual) ** 2 - np.log(2.0 * np.pi * error**2)
     parts = np.sqrt(weight) * np.stack([residual.real, residual.imag], axis=-1)
     return Contribution(log_density=weight * density, coordinates=parts, score=-parts)
+
+
+def receptance_by_size(
+    measured: ComplexArray, predicted: ComplexArray, independent: float, largest: float
+) -> Contribution:
+    """Return what the logarithms of a response's size (line,) say, roughly, weighted like ``receptance``.
+
+    Where a predicted resonance lies beside the measured one, its distance shows from afar, as that of the responses
+    themselves does not.
+
+    See docs/physics.md#diagnosis.
+    """
+    floor = FLOOR_ERROR * largest
+    sizes = (np.log(np.abs(value) + floor) for value in (measured, np.where(np.isnan(predicted), 0.0, predicted)))
+    residual = np.subtract(*sizes) / SIZE_ERROR
+    weight = independent / (2.0 * len(residual))
+    parts = np.sqrt(weight) * residual[:, None]
+    return Contribution(log_density=-0.5 * weight * residual**2, coordinates=parts, score=-parts)
 
 
 def gaussian(residual: Array, error: Array | float) -> Contribution:

@@ -19,8 +19,8 @@ from chatter_core.evidence.starts import (
     missed_frequencies,
     promises,
     smooth_rows,
-    unseen_starts,
 )
+from chatter_core.evidence.unbent import at_rest, has_bent, unbent, unseen_starts
 
 #: A climb goes on from where smooth data have led where those, or all data, gain more than this by the effect [nats].
 LEAST_GAIN = 1.0
@@ -34,7 +34,8 @@ class Ground:
 
     slope: as ``slope_of`` has it; smooth_gain: what a climb by its smooth data alone still gains in those, and
     whole_gain what all data have gained where it ends, mostly a loss [nats]; misheard: whether chatter frequencies,
-    which alone say where its modes lie, are missed.
+    which alone say where its modes lie, are missed; bent: whether it may imitate an effect; height_at_rest: to which it
+    can climb by what was measured without cutting alone [nats], None where it has not bent.
     """
 
     hypothesis: Hypothesis
@@ -42,6 +43,8 @@ class Ground:
     smooth_gain: float
     whole_gain: float
     misheard: bool
+    bent: bool
+    height_at_rest: float | None
 
 
 def ground(hypothesis: Hypothesis) -> Ground:
@@ -50,7 +53,7 @@ def ground(hypothesis: Hypothesis) -> Ground:
     See docs/physics.md#diagnosis.
     """
     fit, slope, comparison = hypothesis.fit, slope_of(hypothesis), hypothesis.comparison
-    climb = Climb(comparison, ~fit.fixed)
+    climb, bent = Climb(comparison, ~fit.fixed), has_bent(hypothesis)
     height, here = climb.posterior(fit.estimate)
     smooth = _smooth(climb)
     end = smooth.approach(fit.estimate, START_GAIN, slope[smooth_rows(here)])
@@ -60,7 +63,16 @@ def ground(hypothesis: Hypothesis) -> Ground:
         smooth_gain=end.log_posterior - smooth.posterior(fit.estimate)[0],
         whole_gain=climb.posterior(end.values)[0] - height,
         misheard=comparison.structural is None and missed_frequencies(comparison, here).size > 0,
+        bent=bent,
+        height_at_rest=_height_at_rest(hypothesis) if bent else None,
     )
+
+
+def _height_at_rest(hypothesis: Hypothesis) -> float | None:
+    structural, fit = hypothesis.comparison.structural, hypothesis.fit
+    if structural is None:
+        return None
+    return Climb(structural, ~fit.fixed).from_start(fit.estimate, START_GAIN).log_posterior
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +113,11 @@ def look(base: Comparison, candidates: Sequence[Candidate], nested: Ground) -> P
     at_null = climb.stay(own, known, added)
     starts = [
         (climb.promise_of(at_null), own),
-        *promises(Worth(climb, at_null, known, added), comparison, own, new, at_null.evaluation),
+        *(
+            start
+            for place in [own, *([unbent(comparison, own)] if nested.bent or new.scan else [])]
+            for start in promises(Worth(climb, at_null, known, added), comparison, place, new, at_null.evaluation)
+        ),
     ]
     return Prospect(
         candidates=tuple(candidates),
@@ -135,8 +151,20 @@ def pursue(prospect: Prospect) -> Hypothesis:
     if prospect.nested.misheard:
         for start in unseen_starts(comparison, prospect.at_null.values, prospect.candidates[-1]):
             found = _higher(found, climb.approach(start, START_GAIN, None, None, found.log_posterior))
+    if (reached := _reached_at_rest(prospect)) is not None:
+        found = _higher(found, climb.approach(reached, START_GAIN, None, None, found.log_posterior))
     fit = result(comparison, found, climb.evaluations, -np.inf)
     return Hypothesis(candidates=prospect.candidates, comparison=comparison, fit=fit)
+
+
+def _reached_at_rest(prospect: Prospect) -> Array | None:
+    """Return where an effect leads beside the machine as described, where that meets more than a bent model can."""
+    before, comparison = prospect.nested.height_at_rest, prospect.climb.problem
+    if before is None:
+        return None
+    assert isinstance(comparison, Comparison)
+    end = at_rest(comparison, prospect.at_null.values, prospect.candidates[-1])
+    return end.values if end is not None and end.log_posterior > before + LEAST_GAIN else None
 
 
 def _higher(found: Maximum, end: Maximum) -> Maximum:

@@ -12,20 +12,20 @@ from numpy.typing import NDArray
 from chatter_core.evidence.candidates import Candidate
 from chatter_core.evidence.comparison import Compared, Comparison
 from chatter_core.evidence.newton import Climb, Maximum
-from chatter_core.evidence.nuisances import Nuisance
 from chatter_core.evidence.parameters import Array, Evaluation, Parameter
 
 #: Amplitudes at which a fit is started, in widths of their priors; to both sides where they can go there. The first
 #: is looked at with every shape.
-AMPLITUDES = (1.0, 0.3, 2.0, 3.0)
-#: Those from which all data are climbed at once, without a look.
-UNSEEN_AMPLITUDES = (0.3, 1.0)
+AMPLITUDES = (1.0, 0.3, 0.5, 2.0, 3.0)
 #: Shapes at which it is, in widths of theirs.
 SHAPES = (-1.2, -0.6, 0.0, 0.6, 1.2)
 #: An effect that is heard is looked at where chatter was and the model is off by so many deviations; frequencies nearer
 #: to each other than this share are one, and so many of those that were heard most often count. The natural frequency
 #: lies beside, by some such share.
 MISSED_BY, SAME_FREQUENCY, MOST_FREQUENCIES, BESIDE = 3.0, 0.05, 3, 0.02
+#: Strength with which values of a shape are looked at one by one, in widths of its prior: to a weak effect that is
+#: not quite right the data do not object.
+SCANNED_AMPLITUDES = (0.3, 1.0)
 #: An effect of which a step from its null promises less stays there [nats].
 SMALLEST_PROMISE = 0.3
 #: Of all starts so many of the best are climbed from.
@@ -41,30 +41,50 @@ def promises(
 ) -> list[tuple[float, Array]]:
     """Return starts of an effect, and what each promises over its null [nats].
 
-    Each shape is looked at with the first strength, the best of them with the others too.
+    Each shape is looked at with the first strength, the best of them and of what is scanned with the others too.
 
     See docs/physics.md#diagnosis.
     """
-    shapes = _shapes(new, comparison, at_null)
-    found = [(worth.of(start), start) for start in _starts(comparison, own, new, AMPLITUDES[:1], shapes)]
+    shapes = shapes_of(new, comparison, at_null)
+    first = starts_at(comparison, own, new, AMPLITUDES[:1], shapes)
+    found = [(worth.of(start), start) for start in [*first, *_scanned(new, comparison, own)]]
     best = sorted(found, key=lambda one: -one[0])[:CLIMBED]
-    others = [start for _, shaped in best for start in _starts(comparison, shaped, new, AMPLITUDES[1:], ())]
+    others = [start for _, shaped in best for start in starts_at(comparison, shaped, new, AMPLITUDES[1:], ())]
     for start in others:
         if not any(np.array_equal(start, known_start) for _, known_start in found):
             found.append((worth.of(start), start))
     return found
 
 
-def _shapes(new: Candidate, comparison: Comparison, at_null: Evaluation) -> list[float]:
-    """Return values of the shape that displaces, a frequency or an exponent; none where an effect has no shape."""
+def shapes_of(new: Candidate, comparison: Comparison, at_null: Evaluation | None) -> list[float]:
+    """Return values of the shape that displaces, a frequency or an exponent; none where an effect has no shape.
+
+    A frequency at which cuts chatter is also looked for where they did and the model ``at_null`` does not know why.
+
+    See docs/physics.md#diagnosis.
+    """
     displacing = _displacing(new)
     if displacing is None:
         return []
     shapes = [displacing.prior_mean + share * displacing.prior_width for share in SHAPES]
-    if new.heard != displacing.name:
+    if new.heard != displacing.name or at_null is None:
         return shapes
     missed = missed_frequencies(comparison, at_null) / (2.0 * np.pi)
     return [*shapes, *missed, *(1.0 - BESIDE) * missed, *(1.0 + BESIDE) * missed]
+
+
+def _scanned(new: Candidate, comparison: Comparison, own: Array) -> list[Array]:
+    """Return starts (parameter,) at the values that are looked at one by one; a shape's with a small strength."""
+    if new.scan is None:
+        return []
+    name, values = new.scan
+    strengths = (1.0,) if any(p.name == name for p in new.amplitudes) else SCANNED_AMPLITUDES
+    return [
+        np.array([{**small, name: value}.get(p.name, own[i]) for i, p in enumerate(comparison.parameters)])
+        for strength in strengths
+        for small in ({p.name: _within(p, p.null + strength * p.prior_width) for p in new.amplitudes},)
+        for value in values
+    ]
 
 
 def missed_frequencies(comparison: Comparison, evaluation: Evaluation) -> Array:
@@ -91,11 +111,19 @@ def _displacing(new: Candidate) -> Parameter | None:
 def chosen(comparison: Comparison, new: Candidate, promised: Sequence[tuple[float, Array]]) -> list[Array]:
     """Return the starts that are climbed from: those that promise most, and the best large one to each of two sides.
 
+    Of those that differ in nothing that is scanned, or in nothing of the effect, the best.
+
     See docs/physics.md#diagnosis.
     """
-    ordered = sorted(promised, key=lambda one: -one[0])
-    chosen = [start for promise, start in ordered[:CLIMBED] if promise >= SMALLEST_PROMISE]
     names = [parameter.name for parameter in comparison.parameters]
+    telling = [new.scan[0]] if new.scan else [parameter.name for parameter in new.term.parameters]
+    own = [names.index(name) for name in telling]
+    best: dict[tuple[float, ...], tuple[float, Array]] = {}
+    for one in promised:
+        key = tuple(one[1][own])
+        best[key] = max(best.get(key, one), one, key=lambda found: found[0])
+    ordered = sorted(best.values(), key=lambda one: -one[0])
+    chosen = [start for promise, start in ordered[:CLIMBED] if promise >= SMALLEST_PROMISE]
     first = new.amplitudes[0]
     place, large = names.index(first.name), 0.999 * AMPLITUDES[0] * first.prior_width
     for side in (1.0, -1.0) if first.lower < first.null < first.upper else ():
@@ -103,23 +131,6 @@ def chosen(comparison: Comparison, new: Candidate, promised: Sequence[tuple[floa
         if of_side and not any(np.array_equal(of_side[0][1], start) for start in chosen):
             chosen.append(of_side[0][1])
     return chosen
-
-
-def unseen_starts(comparison: Comparison, own: Array, new: Candidate) -> list[Array]:
-    """Return starts (parameter,) of an effect beside what a model has come to, and beside the machine as described.
-
-    Where chatter frequencies alone say where modes lie, a model that lacks an effect bends far away to meet some of
-    them; from there no look sees what the effect and an unbent machine would give together. Effects that do not move
-    modes have none.
-
-    See docs/physics.md#diagnosis.
-    """
-    if not any(parameter.touches == "structure" for parameter in new.amplitudes):
-        return []
-    bent = {p.name for term in comparison.model.terms if isinstance(term, Nuisance) for p in term.parameters}
-    unbent = np.array([p.null if p.name in bent else own[i] for i, p in enumerate(comparison.parameters)])
-    places = [own] if np.array_equal(own, unbent) else [own, unbent]
-    return [start for place in places for start in _starts(comparison, place, new, UNSEEN_AMPLITUDES, ())]
 
 
 class Worth:
@@ -158,12 +169,14 @@ def smooth_rows(evaluation: Evaluation) -> NDArray[np.bool_]:
     return rows
 
 
-def _starts(
+def starts_at(
     comparison: Comparison, own: Array, new: Candidate, amplitudes: Sequence[float], shapes: Sequence[float]
 ) -> list[Array]:
     """Return starts (parameter,) at strengths of a candidate, in widths of their priors, and values of its shape.
 
     To both sides where its strength can go there; without shapes ``own`` has them.
+
+    See docs/physics.md#diagnosis.
     """
     place = {parameter.name: index for index, parameter in enumerate(comparison.parameters)}
     strengths = [sign * size for size in amplitudes for sign in (1.0, -1.0)]

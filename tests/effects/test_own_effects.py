@@ -117,6 +117,10 @@ EXAMPLE_TEXT = (EXAMPLE / "loosening_clamp.py").read_text()
 SETTING = '__import__("types").SimpleNamespace(name="axis", doc="which", choices=())'
 
 
+#: What a scan is made of, without an import in the user's file.
+SCAN = "(lambda parameter, values: __import__('types').SimpleNamespace(parameter=parameter, values=values))"
+
+
 def with_line(*lines: str) -> str:
     """Return the example with lines more in its class."""
     return EXAMPLE_TEXT.replace("    changes:", "".join(f"    {line}\n" for line in lines) + "    changes:")
@@ -149,6 +153,10 @@ def with_line(*lines: str) -> str:
             r"mine.py: shapes: found 'losss'; did you mean loss",
         ),
         (with_line('heard: ClassVar[str | None] = "hertz"'), r"mine.py: heard: found 'hertz'; "),
+        (with_line("scan: ClassVar[Any] = 0.3"), r"mine.py: scan: found 0.3, allowed: Scan\(parameter="),
+        (with_line(f"scan: ClassVar[Any] = {SCAN}('los', (0.1,))"), r"mine.py: scan: found 'los'; did you mean loss"),
+        (with_line(f"scan: ClassVar[Any] = {SCAN}('loss', ())"), r"mine.py: scan: found \(\), allowed: a tuple"),
+        (with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1, 7.0))"), r"mine.py: scan: found 7, allowed: 0 to"),
         (with_line("shapes: ClassVar[Any] = None"), r"mine.py: shapes: found None, allowed: a tuple of names"),
         (with_line('settings: ClassVar[Any] = ("axis",)'), r"mine.py: settings: found 'axis', allowed: settings"),
         (with_line(f"settings: ClassVar[Any] = ({SETTING},)"), r"mine.py: settings: axis is no field of the class"),

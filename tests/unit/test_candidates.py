@@ -30,6 +30,8 @@ def candidate(name, number=0):
         settings={setting.name: getattr(effect, setting.name) for setting in effect.settings},
         term=effect,
         shapes=tuple(f"{name}.{shape}" for shape in effect.shapes),
+        heard=f"{name}.{effect.heard}" if effect.heard else None,
+        scan=(f"{name}.{effect.scan.parameter}", effect.scan.values) if effect.scan else None,
         place=effect.place(),
     )
 

@@ -1,34 +1,51 @@
-"""Where the fit of an effect begins: beside what a model has come to, and beside the machine as described."""
+"""Where the fit of an effect begins: a search that knows nothing ends no lower than a fit that begins at the truth."""
+
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from chatter_core.evidence import Comparison, base_model
-from chatter_core.evidence.candidates import extended
-from chatter_core.evidence.starts import UNSEEN_AMPLITUDES, unseen_starts
+from chatter_core.evidence import CampaignModel
+from chatter_core.evidence.candidates import Candidate
+from chatter_core.evidence.measured import OUTCOMES
+from chatter_core.evidence.pursuit import fit_hypothesis, ground, refit, refit_from
 from tests.synthetic import RPM, campaign, tip_machine, trials
-from tests.unit.test_candidates import candidate
+from tests.unit.test_candidates import base_of, candidate
+
+SLOW, FAST = np.linspace(1500.0, 4000.0, 22) * RPM, np.linspace(5000.0, 16000.0, 22) * RPM
+DEPTHS = np.geomspace(5e-4, 8e-3, 8)
+PITCH, ALONG, ACROSS = candidate("variable_pitch"), candidate("workpiece_mode"), candidate("workpiece_mode", 1)
 
 
-def comparison_with(new):
-    plan = campaign(tip_machine(), trials=trials(np.array([8000.0, 9000.0]) * RPM, np.array([1e-3, 2e-3])))
-    return extended(Comparison(model=base_model(plan)), [new])
+def judged(new: Candidate, speeds, true):
+    """A campaign whose labels are those of the model with an effect, without noise and without chatter frequencies."""
+    speed, depth = (axis.ravel() for axis in np.meshgrid(speeds, DEPTHS, indexing="ij"))
+    plan = campaign(tip_machine(), trials=trials(speed, depth))
+    model = CampaignModel(campaign=plan, terms=(new.term,))
+    values = np.array([true.get(p.name.split(".")[-1], p.null) for p in model.parameters])
+    chatter = model.predict(values, quantities=("outcome",)).margin > 0.0
+    outcome = np.where(chatter, OUTCOMES.index("chatter"), OUTCOMES.index("stable")).astype(np.int8)
+    return replace(plan, trials=replace(plan.trials, outcome=outcome))
 
 
-def test_an_effect_on_modes_begins_beside_a_bent_machine_and_beside_an_unbent_one():
-    new = candidate("directional_asymmetry")
-    comparison = comparison_with(new)
-    names = [parameter.name for parameter in comparison.parameters]
-    bent = np.array([p.null for p in comparison.parameters])
-    bent[names.index("damping")] = 0.3
-    starts = unseen_starts(comparison, bent, new)
-    strength, damping = names.index(new.amplitudes[0].name), names.index("damping")
-    sides = {(round(start[strength] / new.amplitudes[0].prior_width, 6), start[damping]) for start in starts}
-    assert sides == {(sign * size, own) for sign in (-1, 1) for size in UNSEEN_AMPLITUDES for own in (0.3, 0.0)}
-    # Where nothing is bent the two places are one.
-    assert len(unseen_starts(comparison, np.array([p.null for p in comparison.parameters]), new)) == 4
-
-
-def test_an_effect_on_forces_has_none():
-    new = candidate("process_damping")
-    comparison = comparison_with(new)
-    assert unseen_starts(comparison, np.array([p.null for p in comparison.parameters]), new) == []
+@pytest.mark.parametrize(
+    ("new", "speeds", "true"),
+    [
+        (PITCH, SLOW, {"variation": 0.07}),
+        (PITCH, SLOW, {"variation": 0.2}),
+        (ACROSS, FAST, {"compliance_um_n": 0.03, "natural_frequency_hz": 960.0, "damping_ratio": 0.015}),
+        (ALONG, FAST, {"compliance_um_n": 0.1, "natural_frequency_hz": 900.0, "damping_ratio": 0.03}),
+    ],
+    ids=["little pitch", "much pitch", "a weak mode", "a soft mode"],
+)
+def test_the_search_ends_no_lower_than_a_fit_from_the_truth(new, speeds, true):
+    base = base_of(judged(new, speeds, true))
+    near = fit_hypothesis(base.comparison, [new], ground(base))
+    found = refit(near, near.fit)
+    at_truth = np.array([true.get(p.name.split(".")[-1], p.null) for p in found.fit.parameters])
+    begun = replace(found, fit=replace(found.fit, log_posterior=-np.inf))
+    ended = refit_from(begun, at_truth)
+    # What names an effect: without that there would be nothing to be missed.
+    assert ended.fit.log_posterior > base.fit.log_posterior + 9.0
+    # Two climbs in a posterior with edges may differ by twice what its roughness is, one nat.
+    assert found.fit.log_posterior > ended.fit.log_posterior - 2.0
