@@ -80,7 +80,7 @@ s3: $(VENV)/.installed-test ## a study in an object store, on a server of this m
 bench: $(VENV)/.installed ## speed and error beside the textbook's method, into results/bench.md
 	$(BIN)/python -m benchmarks $(ARGS)
 
-scale: $(VENV)/.installed-test ## what 2 thousand to 200 thousand chunks cost beside the physics, into results/scale (an hour; goes on where it was interrupted)
+scale: $(VENV)/.installed-test ## what 2 thousand to 200 thousand chunks cost beside the physics, into results/scale (an hour or two; goes on where it was interrupted)
 	$(BIN)/python -m benchmarks.scale $(ARGS)
 
 blind: $(VENV)/.installed ## hidden effects diagnosed blind and judged, into FOLDER (many hours; goes on where it was interrupted)

@@ -95,7 +95,9 @@ SWEEP: dict[str, Variable] = {
 
 #: Completion and outcome of every cell, written after everything else of its chunk.
 CELL_STATUS = Variable(
-    dims=_CELL, dtype="u1", doc="0 pending, 1 ok, 2 not converged, 3 outside validity, 4 worker lost, 5 interpolated"
+    dims=_CELL,
+    dtype="u1",
+    doc="0 pending, 1 ok, 2 not converged, 3 outside validity, 4 worker lost, 5 interpolated, 6 timed out",
 )
 
 #: What depends on speed and preload alone; written once, before the chunks.

@@ -15,7 +15,7 @@ from chatter_core.reading import nearest
 from pipeline import shipped
 from pipeline.verbs import ANSWERS, VERBS
 from pipeline.verbs.options import MACHINE, Options
-from pipeline.verbs.studies import VARY
+from pipeline.verbs.studies import FORMULA, VARY
 
 SHELLS = ("bash", "zsh", "fish")
 
@@ -72,8 +72,9 @@ def _of_verb(verb: str, kind: type[Options], word: str) -> Iterator[Proposal]:
     key, equals, value = word.partition("=")
     if equals:
         yield from ((f"{key}={one}", "") for one in _values(kind, key, value))
-    elif verb == "dataset" and word.startswith(VARY):
-        yield from ((f"{VARY}{one}=", "") for group in MACHINE[1:] for one in shipped.keys(group))
+    elif verb == "dataset" and word.startswith((VARY, FORMULA)):
+        first = VARY if word.startswith(VARY) else FORMULA
+        yield from ((f"{first}{one}=", "") for group in MACHINE[1:] for one in shipped.keys(group))
     elif "." in word:
         yield from ((one if one.endswith(".") else f"{one}=", "") for one in _dotted(kind, word))
     else:
@@ -86,6 +87,7 @@ def _of_verb(verb: str, kind: type[Options], word: str) -> Iterator[Proposal]:
             yield f"{shipped.EFFECTS}.", "a value of an effect that is on"
         if verb == "dataset":
             yield VARY, "a key that varies"
+            yield FORMULA, "a key that follows from others"
 
 
 def _dotted(kind: type[Options], word: str) -> list[str]:

@@ -1,5 +1,6 @@
 """Data sets and parameter studies: machines and cuts of a design, each with its limit depths over speed."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,33 +10,52 @@ from pipeline.configuration import compose_settings, sort_words
 from pipeline.design import DatasetSettings, varied_of
 from pipeline.execution import execute_words
 from pipeline.places import DATASET
-from pipeline.verbs.studies import VARY, DatasetOptions
+from pipeline.verbs.studies import FORMULA, VARY, DatasetOptions
 
 SECONDS_AN_HOUR = 3600.0
 
 
 def run(words: list[str]) -> int:
     """Compute a data set from the words of a command line; return the exit code."""
-    varied = dict(word.removeprefix(VARY).split("=", 1) for word in words if word.startswith(VARY) and "=" in word)
-    files = [word for word in words if word.startswith("design=") and word.endswith((".yaml", ".yml"))]
-    others = [word for word in words if word not in files and not (word.startswith(VARY) and "=" in word)]
+    varied, words_left = _taken(VARY, words)
+    formulas, words_left = _taken(FORMULA, words_left)
+    files = [word for word in words_left if word.startswith("design=") and word.endswith((".yaml", ".yml"))]
+    others = [word for word in words_left if word not in files]
     sorted_words = sort_words(others, DatasetOptions.fields())
     options = DatasetOptions.read(sorted_words.options)
     changes = {"design": load_yaml(Path(files[-1].removeprefix("design=")))} if files else {}
-    settings = compose_settings(sorted_words, DatasetSettings, changes, lambda data: _let_vary(data, varied))
+    settings = compose_settings(
+        sorted_words, DatasetSettings, changes, partial(_let_vary, varied=varied, formulas=formulas)
+    )
     budget = None if options.budget_hours is None else SECONDS_AN_HOUR * options.budget_hours
     retry = options.retry_failed == "true"
     return execute_words(settings, sorted_words, words, root=DATASET, retry_failed=retry, budget=budget)
 
 
-def _let_vary(data: dict[str, Any], varied: dict[str, str]) -> None:
-    """Put what ``vary.KEY=VALUE`` words say into a design; it takes the place of what varied before.
+def _taken(first: str, words: list[str]) -> tuple[dict[str, str], list[str]]:
+    """Return what words with such a beginning say, by their keys, and the words without them."""
+    own = [word for word in words if word.startswith(first) and "=" in word]
+    said = dict(word.removeprefix(first).split("=", 1) for word in own)
+    return said, [word for word in words if word not in own]
+
+
+def _let_vary(data: dict[str, Any], varied: dict[str, str], formulas: dict[str, str]) -> None:
+    """Put what ``vary.KEY=VALUE`` and ``formula.KEY=FORMULA`` words say into a design.
+
+    What varies takes the place of all that varied before, and of its formulas; formulas alone come to those there are.
 
     Raises InvalidInput for a value that is no distribution and no list.
     """
-    if not varied:
-        return
-    levels, problems = {}, []
+    design = data.get("design") or {}
+    if varied:
+        data["design"] = {**design, "machine": {"vary": _levels(varied), "formulas": formulas}, "cut": {}}
+    elif formulas:
+        machine = design.get("machine") or {}
+        data["design"] = {**design, "machine": {**machine, "formulas": {**(machine.get("formulas") or {}), **formulas}}}
+
+
+def _levels(varied: dict[str, str]) -> dict[str, Any]:
+    levels, problems = dict[str, Any](), []
     for key, text in varied.items():
         try:
             levels[key] = load_value(text)
@@ -46,5 +66,4 @@ def _let_vary(data: dict[str, Any], varied: dict[str, str]) -> None:
             problems.append(f"{VARY}{key}: found {shown(text)}, allowed: a list of values, or a distribution")
     if problems:
         raise InvalidInput(problems)
-    design = data.get("design") or {}
-    data["design"] = {**design, "machine": {"vary": {key: varied_of(one) for key, one in levels.items()}}, "cut": {}}
+    return {key: varied_of(one) for key, one in levels.items()}

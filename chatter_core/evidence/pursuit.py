@@ -18,6 +18,7 @@ from chatter_core.evidence.starts import (
     chosen,
     missed_frequencies,
     promises,
+    scanned_widely,
     smooth_rows,
 )
 from chatter_core.evidence.unbent import at_rest, has_bent, unbent, unseen_starts
@@ -111,14 +112,10 @@ def look(base: Comparison, candidates: Sequence[Candidate], nested: Ground) -> P
     added = np.array([parameter in new.term.parameters for parameter in comparison.parameters])
     climb = Climb(comparison, free_parameters(comparison, (), own))
     at_null = climb.stay(own, known, added)
-    starts = [
-        (climb.promise_of(at_null), own),
-        *(
-            start
-            for place in [own, *([unbent(comparison, own)] if nested.bent or new.scan else [])]
-            for start in promises(Worth(climb, at_null, known, added), comparison, place, new, at_null.evaluation)
-        ),
-    ]
+    worth, plain = Worth(climb, at_null, known, added), unbent(comparison, own)
+    starts = [(climb.promise_of(at_null), own), *promises(worth, comparison, own, new, at_null.evaluation)]
+    if nested.bent or scanned_widely(new, comparison):
+        starts += promises(worth, comparison, plain, new, at_null.evaluation)
     return Prospect(
         candidates=tuple(candidates),
         nested=nested,

@@ -23,8 +23,8 @@ SHAPES = (-1.2, -0.6, 0.0, 0.6, 1.2)
 #: to each other than this share are one, and so many of those that were heard most often count. The natural frequency
 #: lies beside, by some such share.
 MISSED_BY, SAME_FREQUENCY, MOST_FREQUENCIES, BESIDE = 3.0, 0.05, 3, 0.02
-#: Strength with which values of a shape are looked at one by one, in widths of its prior: to a weak effect that is
-#: not quite right the data do not object.
+#: Strengths with which values of a shape are looked at one by one, in widths of the prior: to a weak effect that is
+#: not quite right the data do not object, and a strong one is seen by no weak one's light.
 SCANNED_AMPLITUDES = (0.3, 1.0)
 #: An effect of which a step from its null promises less stays there [nats].
 SMALLEST_PROMISE = 0.3
@@ -73,18 +73,33 @@ def shapes_of(new: Candidate, comparison: Comparison, at_null: Evaluation | None
     return [*shapes, *missed, *(1.0 - BESIDE) * missed, *(1.0 + BESIDE) * missed]
 
 
+def scanned_widely(new: Candidate, comparison: Comparison) -> bool:
+    """Return whether what is scanned of an effect is looked at from everywhere: at all strengths, and beside any model.
+
+    Strengths always are; shapes where no chatter frequency says what the model misses.
+
+    See docs/physics.md#diagnosis.
+    """
+    trials = comparison.model.campaign.trials
+    silent = trials is None or not np.isfinite(trials.chatter_frequency).any()
+    return new.scan is not None and (silent or any(p.name == new.scan[0] for p in new.amplitudes))
+
+
 def _scanned(new: Candidate, comparison: Comparison, own: Array) -> list[Array]:
-    """Return starts (parameter,) at the values that are looked at one by one; a shape's with a small strength."""
+    """Return starts (parameter,) at the values that are looked at one by one."""
     if new.scan is None:
         return []
     name, values = new.scan
-    strengths = (1.0,) if any(p.name == name for p in new.amplitudes) else SCANNED_AMPLITUDES
-    return [
-        np.array([{**small, name: value}.get(p.name, own[i]) for i, p in enumerate(comparison.parameters)])
-        for strength in strengths
-        for small in ({p.name: _within(p, p.null + strength * p.prior_width) for p in new.amplitudes},)
-        for value in values
-    ]
+    strengths = SCANNED_AMPLITUDES if scanned_widely(new, comparison) else SCANNED_AMPLITUDES[:1]
+    sizes = [{p.name: _within(p, p.null + size * p.prior_width) for p in new.amplitudes} for size in strengths]
+    found = list[Array]()
+    for size, value in itertools.product(sizes, values):
+        known = {**size, name: value}
+        start = np.array([known.get(p.name, own[i]) for i, p in enumerate(comparison.parameters)])
+        # Of a strength that is scanned all sizes are the same.
+        if not any(np.array_equal(start, other) for other in found):
+            found.append(start)
+    return found
 
 
 def missed_frequencies(comparison: Comparison, evaluation: Evaluation) -> Array:

@@ -10,6 +10,8 @@ from pipeline.verbs.options import MACHINE, BaseOptions, DirectoryPath, EffectOp
 
 #: What begins a word that makes a key of a design vary, with a distribution or a list of values.
 VARY = "vary."
+#: What begins a word that makes a key of a design follow from others.
+FORMULA = "formula."
 RETRY = "cells that failed are computed again"
 
 
@@ -35,14 +37,15 @@ class SweepOptions(BaseOptions, PlaceOptions):
 class DatasetOptions(EffectOptions, PlaceOptions):
     """Compute machines and cuts of a design into a store: data sets to learn from, parameter studies, sensitivities.
 
-    vary.KEY=VALUE lets a key vary, by a list of values or a distribution; design=FILE.yaml names a design of your own.
+    vary.KEY=VALUE lets a key vary, by a list of values or a distribution, formula.KEY=FORMULA lets one follow from
+    others; design=FILE.yaml names a design of your own.
     Goes on where it was, as a sweep does.
     """
 
     examples = (
         "dataset study=dataset_small",
         "dataset study=parameter_study 'vary.process.radial_immersion=[0.1, 0.2]' 'vary.tool.teeth=[2, 4]'",
-        "dataset study=sensitivity machine=path/to/machine.yaml",
+        "dataset machine=path/to/machine.yaml study=sensitivity design=path/to/design.yaml",
         "dataset study=dataset_overnight budget_hours=2",
     )
     groups: ClassVar[tuple[str, ...]] = (*MACHINE, "design", "method", "cluster", "study")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+import yaml
 
 from chatter_core.errors import InvalidInput, NoEquilibrium
 from chatter_core.lobes import lobe_block
@@ -220,10 +221,36 @@ def test_one_at_a_time_and_indices_are_those_of_a_function_that_is_known(quick, 
     assert found["sobol"]["rank_correlation"].tolist() == pytest.approx([0.894, 0.447, 0.0], abs=0.05)
 
 
+def test_a_key_follows_from_one_that_varies(quick, tmp_path):
+    study = ("study=parameter_study", "cluster=serial", "design.spindle_speed_rpm=[6000]")
+    words = [
+        *study,
+        "vary.spindle.preload_n=[60, 90]",
+        "formula.cutting.kt_mpa=9 * spindle.preload_n",
+        f"output={tmp_path}",
+    ]
+    assert dataset.run(words) == 0
+    low, high = np.log(values(tmp_path)["limit_depth"].ravel())
+    # As the stand-in goes with preload and kt; the store keeps seven digits.
+    assert high - low == pytest.approx(30.0 / 200.0 + 9.0 * 30.0 / 4000.0, abs=1e-6)
+
+
+def test_a_formula_alone_comes_to_those_of_a_design(quick, tmp_path):
+    words = [*SMALL, "formula.spindle.sections[3].inner_diameter_mm=0.5 * spindle.sections[3].outer_diameter_mm"]
+    assert dataset.run([*words, f"output={tmp_path}"]) == 0
+    kept = yaml.safe_load((tmp_path / "settings.yaml").read_text())["design"]["machine"]["formulas"]
+    assert list(kept)[-1] == "spindle.sections[3].inner_diameter_mm"
+    assert kept["spindle.sections[0].outer_diameter_mm"] == "0.9 * tool.diameter_mm"
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
         (("study=parameter_study",), "nothing varies"),
+        (("study=parameter_study", "vary.tool.teeth=[3]", "formula.cutting.kn=1 +"), "which is no formula"),
+        (("study=parameter_study", "vary.tool.teeth=[3]", "formula.tool.teeth=4"), "tool.teeth varies already"),
+        (("study=parameter_study", "vary.tool.teeth=[3]", "formula.cutting.kn=tool.teethh"), "teethh"),
+        (("study=parameter_study", "formula.cutting.kn=0.3"), "nothing varies"),
         (("study=reference",), "design: missing; study reference has none"),
         (("study=dataset_small", "grid.preload_n=[1]"), "grid.preload_n=[1]: not for this verb"),
         (("study=parameter_study", "vary.tool.teeth=3"), "allowed: a list of values, or a distribution"),

@@ -36,6 +36,7 @@ def words(line):
         ("chatter sweep 'effects=[process_damping,tool_r", ["effects=[process_damping,tool_runout"]),
         ("chatter point modal_parameters=", ["modal_parameters=dynamic", "modal_parameters=static"]),
         ("chatter dataset vary.process.radial", ["vary.process.radial_immersion="]),
+        ("chatter dataset formula.process.radial", ["formula.process.radial_immersion="]),
         ("chatter compare camp", ["campaign="]),
         ("chatter compare gri", []),
         ("chatter status quiet=", ["quiet=true", "quiet=false"]),
