@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,9 +114,11 @@ def look(base: Comparison, candidates: Sequence[Candidate], nested: Ground) -> P
     climb = Climb(comparison, free_parameters(comparison, (), own))
     at_null = climb.stay(own, known, added)
     worth, plain = Worth(climb, at_null, known, added), unbent(comparison, own)
-    starts = [(climb.promise_of(at_null), own), *promises(worth, comparison, own, new, at_null.evaluation)]
-    if nested.bent or scanned_widely(new, comparison):
-        starts += promises(worth, comparison, plain, new, at_null.evaluation)
+    promised = partial(promises, worth, comparison, new=new, at_null=at_null.evaluation)
+    starts = [(climb.promise_of(at_null), own), *promised(own=own, scanned=True)]
+    widely = scanned_widely(new, comparison)
+    if nested.bent or widely:
+        starts += promised(own=plain, scanned=widely)
     return Prospect(
         candidates=tuple(candidates),
         nested=nested,

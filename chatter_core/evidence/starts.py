@@ -37,9 +37,9 @@ HOPELESS = -15.0
 
 
 def promises(
-    worth: "Worth", comparison: Comparison, own: Array, new: Candidate, at_null: Evaluation
+    worth: "Worth", comparison: Comparison, own: Array, new: Candidate, at_null: Evaluation, *, scanned: bool
 ) -> list[tuple[float, Array]]:
-    """Return starts of an effect, and what each promises over its null [nats].
+    """Return starts of an effect, and what each promises over its null [nats]; scanned: whether a scan is among them.
 
     Each shape is looked at with the first strength, the best of them and of what is scanned with the others too.
 
@@ -47,7 +47,8 @@ def promises(
     """
     shapes = shapes_of(new, comparison, at_null)
     first = starts_at(comparison, own, new, AMPLITUDES[:1], shapes)
-    found = [(worth.of(start), start) for start in [*first, *_scanned(new, comparison, own)]]
+    first += _scanned(new, comparison, own) if scanned else []
+    found = [(worth.of(start), start) for start in first]
     best = sorted(found, key=lambda one: -one[0])[:CLIMBED]
     others = [start for _, shaped in best for start in starts_at(comparison, shaped, new, AMPLITUDES[1:], ())]
     for start in others:

@@ -16,7 +16,7 @@ from chatter_core.evidence.starts import AMPLITUDES, CLIMBED, shapes_of, starts_
 
 #: A model has bent where a parameter of the machine lies farther than this from what is described [widths of its
 #: prior].
-BENT = 2.0
+BENT = 2.5
 #: Strengths from which all data are climbed at once, without a look, in widths of their priors.
 UNSEEN_AMPLITUDES = (0.3, 1.0)
 
