@@ -2,7 +2,7 @@
 
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from chatter_core.errors import InvalidInput
 from chatter_core.reading import load_value, load_yaml, shown
@@ -15,21 +15,36 @@ from pipeline.verbs.studies import FORMULA, VARY, DatasetOptions
 SECONDS_AN_HOUR = 3600.0
 
 
+class OwnWords(NamedTuple):
+    """Words of a command line by what they say of a design, and the ones that every verb may have."""
+
+    varied: dict[str, str]
+    formulas: dict[str, str]
+    design: Path | None
+    others: list[str]
+
+
 def run(words: list[str]) -> int:
     """Compute a data set from the words of a command line; return the exit code."""
-    varied, words_left = _taken(VARY, words)
-    formulas, words_left = _taken(FORMULA, words_left)
-    files = [word for word in words_left if word.startswith("design=") and word.endswith((".yaml", ".yml"))]
-    others = [word for word in words_left if word not in files]
-    sorted_words = sort_words(others, DatasetOptions.fields())
+    own = own_words(words)
+    sorted_words = sort_words(own.others, DatasetOptions.fields())
     options = DatasetOptions.read(sorted_words.options)
-    changes = {"design": load_yaml(Path(files[-1].removeprefix("design=")))} if files else {}
+    changes = {} if own.design is None else {"design": load_yaml(own.design)}
     settings = compose_settings(
-        sorted_words, DatasetSettings, changes, partial(_let_vary, varied=varied, formulas=formulas)
+        sorted_words, DatasetSettings, changes, partial(_let_vary, varied=own.varied, formulas=own.formulas)
     )
     budget = None if options.budget_hours is None else SECONDS_AN_HOUR * options.budget_hours
     retry = options.retry_failed == "true"
     return execute_words(settings, sorted_words, words, root=DATASET, retry_failed=retry, budget=budget)
+
+
+def own_words(words: list[str]) -> OwnWords:
+    """Sort out the words that only this verb knows; of several files of designs the last one counts."""
+    varied, words = _taken(VARY, words)
+    formulas, words = _taken(FORMULA, words)
+    files = [word for word in words if word.startswith("design=") and word.endswith((".yaml", ".yml"))]
+    design = Path(files[-1].removeprefix("design=")) if files else None
+    return OwnWords(varied, formulas, design, [word for word in words if word not in files])
 
 
 def _taken(first: str, words: list[str]) -> tuple[dict[str, str], list[str]]:

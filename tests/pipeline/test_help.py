@@ -12,6 +12,7 @@ import pytest
 from pipeline import shipped
 from pipeline.__main__ import main
 from pipeline.configuration import sort_words
+from pipeline.dataset import own_words
 from pipeline.usage import HEAD
 from pipeline.verbs import VERBS
 
@@ -50,8 +51,7 @@ def test_help_on_the_program_has_its_verbs_groups_and_effects(capsys):
 def test_examples_are_words_that_their_verb_takes(example):
     verb, *words = shlex.split(example)
     kind = VERBS[verb]
-    plain = [word for word in words if not word.startswith("vary.")]
-    found = sort_words(plain, kind.fields())
+    found = sort_words(own_words(words).others if verb == "dataset" else words, kind.fields())
     kind.read(found.options)
     assert {*found.choices} <= {*kind.groups}
     assert all(word.partition(".")[0] in kind.groups for word in found.values)
