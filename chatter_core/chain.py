@@ -131,18 +131,19 @@ def _spindle_modes(
             [f"mode_count: found {mode_count}, allowed at most {rotor.mode_count} for this spindle model"]
         )
     solved = np.flatnonzero(states.solved)
-    modes = spindle.supported_modes(rotor, stages.seat_stiffness(described, states)[solved], path[solved])
-    followed, confidence = follow_modes(path[solved], modes.shape, mode_count)
-    rows = np.arange(len(solved))[:, None]
-    columns = np.full((3, len(path), mode_count), np.nan)
-    columns[0, solved] = modes.natural_frequency[rows, followed]
-    columns[1, solved] = 1.0 / modes.tip_deflection[rows, followed] ** 2
-    columns[2, solved] = confidence
-    frequency, mass, confident = np.concatenate([columns, columns], axis=-1)[:, place]  # x and y alike
+    seats = stages.seat_stiffness(described, states)[:, solved]
+    in_x = _followed(rotor, seats[0], path[solved], mode_count)
+    in_y = in_x if np.array_equal(*seats) else _followed(rotor, seats[1], path[solved], mode_count)
+    (x, sure_of_x), (y, sure_of_y) = in_x, in_y
+    columns = np.full((3, len(path), 2 * mode_count), np.nan)
+    columns[0, solved] = np.hstack([x.natural_frequency, y.natural_frequency])
+    columns[1, solved] = 1.0 / np.hstack([x.tip_deflection, y.tip_deflection]) ** 2
+    columns[2, solved] = np.hstack([sure_of_x, sure_of_y])
+    frequency, mass, confident = columns[:, place]
     coupling = None
     if spin.any():
         polar = np.full((len(path), mode_count, mode_count), np.nan)
-        polar[solved] = spindle.modal_gyroscopic(rotor, modes, followed)
+        polar[solved] = spindle.modal_gyroscopic(rotor, x, y)
         coupling = tip.between_axes(polar[place] * spin[:, None, None])
     return tip.TipModes(
         axis=np.repeat([0, 1], mode_count),
@@ -153,6 +154,15 @@ def _spindle_modes(
         tracking_confidence=confident,
         gyroscopic=coupling,
     )
+
+
+def _followed(
+    rotor: spindle.ReducedRotor, seat_stiffness: Array, path: Array, mode_count: int
+) -> tuple[spindle.RotorModes, Array]:
+    """Return one plane's modes along a path of speeds, and how sure it is that they stay the same (speed, mode)."""
+    modes = spindle.supported_modes(rotor, seat_stiffness, path)
+    followed, confidence = follow_modes(path, modes.shape, mode_count)
+    return modes.taken(followed), confidence
 
 
 def milling_equation(
@@ -209,6 +219,8 @@ def structure_variables(
             table[:, result.modes.axis[kept], result.modes.label[kept] - 1] = getattr(result.modes, name)[:, kept]
             arrays[name] = table
         else:
-            first = kept[result.modes.axis[kept] == result.modes.axis[0]]
-            arrays[name] = getattr(result.modes, name)[:, first]
+            # One number for both axes: the less sure one.
+            table = np.full((len(spindle_speed), 2, mode_count), np.nan)
+            table[:, result.modes.axis[kept], result.modes.label[kept] - 1] = getattr(result.modes, name)[:, kept]
+            arrays[name] = np.fmin(table[:, 0], table[:, 1])
     return arrays

@@ -101,6 +101,14 @@ class RotorModes:
     tip_deflection: Array
     shape: Array
 
+    def taken(self, index: NDArray[np.intp]) -> "RotorModes":
+        """Return some of the modes, by index (support, kept) into those of each support."""
+        return RotorModes(
+            natural_frequency=np.take_along_axis(self.natural_frequency, index, axis=1),
+            tip_deflection=np.take_along_axis(self.tip_deflection, index, axis=1),
+            shape=np.take_along_axis(self.shape, index[:, None, :], axis=2),
+        )
+
 
 def shear_coefficient(section: Section) -> float:
     """Return Cowper's shear coefficient of a hollow circle [-].
@@ -327,18 +335,16 @@ def supported_modes(rotor: ReducedRotor, seat_stiffness: Array, spindle_speed: A
     )
 
 
-def modal_gyroscopic(rotor: ReducedRotor, modes: RotorModes, kept: NDArray[np.intp]) -> Array:
-    """Return the gyroscopic matrix phi^T G phi of modes with shapes one at the tip (support, mode, mode) [kg].
+def modal_gyroscopic(rotor: ReducedRotor, x: RotorModes, y: RotorModes) -> Array:
+    """Return the gyroscopic matrix phi_x^T G phi_y of modes with shapes one at the tip (support, x mode, y mode) [kg].
 
-    kept: (support, mode), which of the modes. Times the spin speed it is the force on a mode in one plane per velocity
-    of another in the other plane. Source: Nelson (1980).
+    x, y: the modes of each plane. Times the spin speed it is the force on a mode in x per velocity of one in y, and
+    its transpose with the other sign that on a mode in y. Source: Nelson (1980).
 
     See docs/physics.md#rotor.
     """
-    rows = np.arange(len(kept))[:, None]
-    shape = modes.shape[rows[:, None], np.arange(len(rotor.tip))[:, None], kept[:, None, :]]
-    shape = shape / modes.tip_deflection[rows, kept][:, None, :]
-    return np.asarray(shape.swapaxes(1, 2) @ rotor.gyroscopic @ shape)
+    in_x, in_y = (modes.shape / modes.tip_deflection[:, None, :] for modes in (x, y))
+    return np.asarray(in_x.swapaxes(1, 2) @ rotor.gyroscopic @ in_y)
 
 
 def whirl_frequencies(rotor: ReducedRotor, seat_stiffness: Array, spin_speed: float) -> Array:

@@ -63,12 +63,15 @@ def ring_growth(spindle: Spindle, spindle_speed: Array) -> Array:
 
 
 def seat_stiffness(spindle: Spindle, state: BearingState) -> Array:
-    """Return the radial stiffness of every seat (speed, seat) [N/m]: its bearings side by side, in a rigid housing.
+    """Return the radial stiffness of every seat (axis, speed, seat) [N/m]: bearings side by side, a rigid housing.
+
+    Axes: x and y, here alike.
 
     See docs/physics.md#rotor.
     """
     counts = np.array([seat.count for seat in spindle.bearings])
-    return np.asarray(state.radial_stiffness[:, None] * counts)
+    stiffness = state.radial_stiffness[:, None] * counts
+    return np.stack([stiffness, stiffness])
 
 
 def joints(spindle: Spindle) -> tuple[Joint, ...]:

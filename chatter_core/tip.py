@@ -191,14 +191,15 @@ def _coupled_receptance(modes: TipModes, frequency: Array) -> ComplexArray:
 
 
 def between_axes(force: Array) -> Array:
-    """Return a gyroscopic matrix (speed, mode, mode) of both axes from that of one plane (speed, mode, mode) [N s/m].
+    """Return the gyroscopic matrix (speed, mode, mode) of both axes from the force on x per velocity of y [N s/m].
 
-    x is pushed as y moves and y the other way: + above the diagonal, - below. It takes no energy.
+    force: (speed, x mode, y mode). x is pushed as y moves and y the other way: + above the diagonal, - below. It takes
+    no energy.
 
     See docs/physics.md#tool-tip.
     """
     nothing = np.zeros_like(force)
-    return np.block([[nothing, force], [-force, nothing]])
+    return np.block([[nothing, force], [-force.swapaxes(1, 2), nothing]])
 
 
 def most_modes(tip: Tip) -> int:

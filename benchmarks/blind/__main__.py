@@ -1,4 +1,4 @@
-"""Make campaigns, diagnose them blind, and judge: python -m benchmarks.blind {calibration,test} FOLDER.
+"""Make campaigns, diagnose them blind, and judge: python -m benchmarks.blind {calibration,test,second} FOLDER.
 
 FOLDER/campaigns/SEED is what a diagnosis sees, FOLDER/truth/SEED what it does not: the truth is opened when all
 diagnoses are there. The same command continues what was interrupted.
@@ -25,7 +25,7 @@ from pipeline.cluster import open_client
 from pipeline.settings import Cluster
 from tests.hidden_effect.blind import folders, make_all
 from tests.hidden_effect.campaign import is_sealed
-from tests.hidden_effect.design import CALIBRATION_SEEDS, TEST_SEEDS
+from tests.hidden_effect.design import SEEDS, TEST_SEEDS
 
 #: Campaigns of an ablation: so many of those that it concerns, evenly through the seeds.
 ABLATED = 24
@@ -83,7 +83,7 @@ def diagnose_missing(work: Work, arguments: argparse.Namespace) -> None:
 def command_line() -> argparse.Namespace:
     """Return what the command line says."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.blind", description=__doc__.splitlines()[0])
-    parser.add_argument("seeds", choices=("calibration", "test"))
+    parser.add_argument("seeds", choices=tuple(SEEDS))
     parser.add_argument("folder", type=Path)
     parser.add_argument("--count", type=int, default=len(TEST_SEEDS), help="how many seeds, from the first")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="diagnoses at once")
@@ -102,7 +102,7 @@ def main() -> int:
     root = arguments.folder
     # Ends in order what was started, as Ctrl-C does.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    every = (CALIBRATION_SEEDS if arguments.seeds == "calibration" else TEST_SEEDS)[: arguments.count]
+    every = SEEDS[arguments.seeds][: arguments.count]
     try:
         failed = make_all(root, every, arguments.workers)
         seeds = [seed for seed in every if is_sealed(*folders(root, seed))]

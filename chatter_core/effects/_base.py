@@ -44,10 +44,10 @@ class Scan:
 class Effect(ShownAsCard, ABC):
     """An effect: a frozen class of its settings, with a law that transforms one arrow of the chain.
 
-    stage: the field of ``Stages`` that it transforms; declared: its parameters, in the units of their names;
-    shapes: names of those that say how the effect looks and not how strong it is; heard: the one of them that is a
-    frequency [Hz] at which the effect makes cuts chatter, if any; scan: where it is looked for, if it takes more than a
-    few strengths and shapes; settings: its choices, each an attribute of the
+    stage: the field of ``Stages`` that it transforms, see ``acts_on``; declared: its parameters, in the units of their
+    names; shapes: names of those that say how the effect looks and not how strong it is; heard: the one of them that is
+    a frequency [Hz] at which the effect makes cuts chatter, if any; scan: where it is looked for, if it takes more than
+    a few strengths and shapes; settings: its choices, each an attribute of the
     class; needs: what of a machine it acts on; changes: what a strong value changes, of ``bearing``, ``modes`` (at the
     tip), ``cut`` (the multipliers). What is not named stays bit for bit. own_file: the file of a user's own effect.
     """
@@ -74,17 +74,21 @@ class Effect(ShownAsCard, ABC):
         chosen = "".join(f", {setting.name} {getattr(self, setting.name)}" for setting in self.settings)
         rows = tuple((one.name, one.doc, f"{one.lower:g} to {one.upper:g}", f"{one.null:g}") for one in self.declared)
         columns = ("parameter", "meaning", "bounds", "without the effect")
-        return Card(title=f"{self.name()}, on {self.stage}{chosen}", rows=rows, columns=columns)
+        return Card(title=f"{self.name()}, on {self.acts_on}{chosen}", rows=rows, columns=columns)
 
     @classmethod
     def name(cls) -> str:
         """Return the effect's name: that of its file."""
         return cls.__module__.rpartition(".")[2]
 
-    @classmethod
-    def place(cls) -> tuple[int, str]:
+    @property
+    def acts_on(self) -> str:
+        """The field of ``Stages`` that it transforms: its class's, unless a setting chooses another."""
+        return self.stage
+
+    def place(self) -> tuple[int, str]:
         """Return what effects are sorted by: the place of their stage in the chain, then their name."""
-        return [field.name for field in fields(Stages)].index(cls.stage), cls.name()
+        return [field.name for field in fields(Stages)].index(self.acts_on), self.name()
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -104,7 +108,7 @@ class Effect(ShownAsCard, ABC):
             return stages
         in_si = tuple(float(value) * si_factor(parameter.name) for parameter, value in pairs)
         law = self.transform if self.own_file is None else partial(watched, self)
-        return replace(stages, **{self.stage: law(getattr(stages, self.stage), stages.machine, in_si)})
+        return replace(stages, **{self.acts_on: law(getattr(stages, self.acts_on), stages.machine, in_si)})
 
     def require(self, machine: Machine) -> None:
         """Raise InvalidInput, naming what is missing, where the effect cannot act on a machine as described."""

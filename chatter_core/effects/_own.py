@@ -12,6 +12,8 @@ from inspect import isabstract
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args, get_origin, get_type_hints
 
+import numpy as np
+
 from chatter_core.errors import ChatterError, InvalidInput
 from chatter_core.machine import Machine
 from chatter_core.parameters import Parameter, Touches
@@ -124,12 +126,12 @@ def _is_tuple(found: object) -> bool:
 def watched(effect: "Effect", before: Any, machine: Machine, values: tuple[float, ...]) -> Any:
     """Return the stage as a user's effect makes it; whatever fails in the user's file is told with its line.
 
-    Raises InvalidInput where the law raises, now or when the chain asks it, or returns another kind of thing than the
-    stage that it transforms.
+    Raises InvalidInput where the law raises, now or when the chain asks it, or returns another kind of thing, or an
+    array of another shape, than the stage that it transforms.
 
     See docs/physics.md#effects.
     """
-    file, kind = effect.own_file, _returned(effect.stage)
+    file, kind = effect.own_file, _returned(effect.acts_on)
     assert file is not None
     law = told(file, effect.transform, before, machine, values)
     if not callable(law):
@@ -138,7 +140,11 @@ def watched(effect: "Effect", before: Any, machine: Machine, values: tuple[float
     def stage(*arguments: Any) -> Any:
         found = told(file, law, *arguments)
         if not isinstance(found, kind):
-            raise InvalidInput([f"effects_path: {file}: {effect.stage} returned {found!r}, needed: {kind.__name__}"])
+            raise InvalidInput([f"effects_path: {file}: {effect.acts_on} returned {found!r}, needed: {kind.__name__}"])
+        if isinstance(found, np.ndarray) and found.shape != (needed := before(*arguments).shape):
+            raise InvalidInput(
+                [f"effects_path: {file}: {effect.acts_on} returned an array of shape {found.shape}, needed: {needed}"]
+            )
         return found
 
     return stage

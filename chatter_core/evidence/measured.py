@@ -74,7 +74,12 @@ MODES = Table(
     identity=("spindle_speed_rpm", "mode"),
     columns=(
         _SPEED,
-        Column(key="mode", doc="number of the mode, from 1 for the lowest", bounds=Bounds(ge=1, le=1000), whole=True),
+        Column(
+            key="mode",
+            doc="number of the mode, from 1 for the lowest; in x where x and y differ",
+            bounds=Bounds(ge=1, le=1000),
+            whole=True,
+        ),
         column_like(TipMode, "natural_frequency", "natural frequency"),
         column_like(TipMode, "damping_ratio", "damping ratio, where it was identified", optional=True),
     ),

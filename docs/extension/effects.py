@@ -2,7 +2,7 @@
 
 import inspect
 
-from chatter_core.effects import Effect, effect_class, effect_names
+from chatter_core.effects import Effect, effect_class, effect_names, variants
 from extension.docstrings import as_markdown
 from extension.tables import block, table
 from pipeline.configuration import CONFIGS, EFFECTS
@@ -11,8 +11,13 @@ from pipeline.configuration import CONFIGS, EFFECTS
 def text() -> str:
     """Return a table of all effects, and a section for each."""
     found = [effect_class(name) for name in effect_names()]
-    rows = ([f"[`{effect.name()}`](#{effect.name()})", f"`{effect.stage}`", _adds(effect)] for effect in found)
+    rows = ([f"[`{effect.name()}`](#{effect.name()})", _stages(effect), _adds(effect)] for effect in found)
     return table(["effect", "changes the stage", "what it adds"], rows) + "".join(map(_section, found))
+
+
+def _stages(effect: type[Effect]) -> str:
+    """Return the stages that an effect's variants change."""
+    return ", ".join(dict.fromkeys(f"`{one.acts_on}`" for one in variants(effect.name())))
 
 
 def _adds(effect: type[Effect]) -> str:

@@ -67,7 +67,7 @@ def test_classes_and_values_pair_up():
 def test_an_effect_is_declared_in_full(name: str):
     kind = effect_class(name)
     assert kind.__name__ == "".join(word.capitalize() for word in name.split("_"))
-    assert kind.stage in {field.name for field in Stages.__dataclass_fields__.values()}
+    assert {kind.stage, *(one.acts_on for one in variants(name))} <= set(Stages.__dataclass_fields__)
     assert set(kind.shapes) < {parameter.name for parameter in kind.declared}
     assert set(kind.changes) <= {"bearing", "modes", "cut"}
     assert "Source: " in (kind.__doc__ or "")

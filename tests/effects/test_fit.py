@@ -33,8 +33,9 @@ def first_limits(stages: Stages, speeds, mode_count: int):
 def test_what_a_parameter_touches_is_computed_anew(name: str):
     kind = effect_class(name)
     order = list(Stages.__dataclass_fields__)
-    expected = "structure" if order.index(kind.stage) <= order.index(LAST_OF_STRUCTURE) else "cut"
-    assert {parameter.touches for parameter in kind.declared} == {expected}
+    last = order.index(LAST_OF_STRUCTURE)
+    expected = {"structure" if order.index(one.acts_on) <= last else "cut" for one in variants(name)}
+    assert {parameter.touches for parameter in kind.declared} == expected
 
 
 @pytest.mark.parametrize(

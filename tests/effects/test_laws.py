@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from chatter_core.bearing import axisymmetric_state
-from chatter_core.chain import milling_equation, structure
+from chatter_core.chain import milling_equation, structure, structure_variables
 from chatter_core.cutting import ForceCoefficients, engagement
 from chatter_core.effects import REFERENCE_SPEED, activate, apply_effects
 from chatter_core.floquet import LinearSystem, MethodSettings, critical_motion
@@ -153,12 +153,53 @@ def test_joints_at_one_border_act_in_series(reference_machine: Machine):
 
 def test_stiffness_in_y_moves_its_modes_alone(reference_machine: Machine):
     base = structure(reference_machine, SPEEDS, mode_count=3).modes
-    found = structure(
-        model(reference_machine, "directional_asymmetry", stiffness_ratio=math.log(1.21)), SPEEDS, mode_count=3
-    ).modes
+    stiffer = model(reference_machine, "directional_asymmetry", where="modes", stiffness_ratio=math.log(1.21))
+    found = structure(stiffer, SPEEDS, mode_count=3).modes
     assert np.array_equal(found.natural_frequency[:, :3], base.natural_frequency[:, :3])
     assert found.natural_frequency[:, 3:] == pytest.approx(1.1 * base.natural_frequency[:, 3:], rel=1e-12)
     assert found.modal_stiffness[:, 3:] == pytest.approx(1.21 * base.modal_stiffness[:, 3:], rel=1e-12)
+
+
+@pytest.mark.parametrize(("ratio", "softer"), [(-0.7, 1), (0.7, 0)])
+def test_seats_that_give_one_way(reference_machine: Machine, ratio: float, softer: int):
+    """The softer plane is the rotor on springs in series, solved without modes; the other one is as it was."""
+    spindle = reference_machine.spindle
+    stages = model(reference_machine, "directional_asymmetry", where="seats", stiffness_ratio=ratio)
+    built = structure(stages, SPEEDS, mode_count=20)
+    base = structure(reference_machine, SPEEDS, mode_count=20)
+    bearing = base.bearing.radial_stiffness[:, None] * np.array([seat.count for seat in spindle.bearings])
+    seats = 1.0 / (1.0 / bearing + (math.exp(0.7) - 1.0) / bearing[0, 0])
+    assert stages.seat_stiffness(spindle, built.bearing)[softer] == pytest.approx(seats[: len(built.solved)])
+    assert seats[0, 0] / bearing[0, 0] == pytest.approx(math.exp(-0.7), rel=1e-12)
+    frequency = 2.0 * np.pi * np.linspace(100.0, 2000.0, 40)
+    found, before = receptance(built.modes, frequency), receptance(base.modes, frequency)
+    for speed in range(len(SPEEDS)):
+        expected = direct_receptance(assemble(spindle), spindle.damping, seats[speed], frequency)[:, 0, 0]
+        # Twenty modes leave a spring of 2e-3 of the whole.
+        assert np.abs(found[speed, :, softer, softer] - expected).max() < 3e-3 * np.abs(expected).max()
+    assert np.array_equal(found[:, :, 1 - softer, 1 - softer], before[:, :, 1 - softer, 1 - softer])
+
+
+def test_seats_of_two_effects_act_in_series(reference_machine: Machine):
+    """A housing that gives, and more so in y: compliances add, and x knows nothing of what is softer in y."""
+    spindle, state = reference_machine.spindle, structure(reference_machine, SPEEDS, mode_count=1).bearing
+    housing = activate("housing_compliance", {"compliance_um_n": 0.004, "rear_difference": 0.0})
+    asymmetry = activate("directional_asymmetry", {"where": "seats", "stiffness_ratio": -0.4})
+    both, one = (apply_effects(reference_machine, effects) for effects in ([housing, asymmetry], [housing]))
+    alone = apply_effects(reference_machine, [asymmetry])
+    plain = apply_effects(reference_machine, []).seat_stiffness(spindle, state)
+    x, y = both.seat_stiffness(spindle, state)
+    assert x == pytest.approx(one.seat_stiffness(spindle, state)[0], rel=1e-12)
+    assert 1.0 / y == pytest.approx(1.0 / alone.seat_stiffness(spindle, state)[1] + 4e-9, rel=1e-12)
+    assert 1.0 / x == pytest.approx(1.0 / plain[0] + 4e-9, rel=1e-12)
+
+
+def test_a_table_has_the_less_sure_of_unlike_axes(reference_machine: Machine):
+    stages = model(reference_machine, "directional_asymmetry", where="seats", stiffness_ratio=-1.5)
+    found = structure(stages, SPEEDS, mode_count=6).modes.tracking_confidence
+    table = structure_variables(stages, SPEEDS, mode_count=6)["tracking_confidence"]
+    assert not np.array_equal(found[:, :6], found[:, 6:])
+    assert np.array_equal(table, np.minimum(found[:, :6], found[:, 6:]))
 
 
 def test_damping_changes_with_speed_and_not_at_rest(reference_machine: Machine):

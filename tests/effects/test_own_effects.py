@@ -205,6 +205,17 @@ def test_a_law_that_fails_is_told_with_its_line(tmp_path: Path, capsys, found: s
     assert re.search(said, line), line
 
 
+def test_a_law_that_returns_another_shape_is_told(tmp_path: Path, capsys):
+    text = EXAMPLE_TEXT.replace('= "cut_modes"', '= "seat_stiffness"')
+    text = text.replace("(loss,) = values", "return lambda *arguments: before(*arguments)[0]")
+    (tmp_path / "mine.py").write_text(text)
+    (tmp_path / "mine.yaml").write_text("loss: 0.3\n")
+    assert main([*POINT[:-1], f"effects_path={tmp_path}", "effects=[mine]"]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    # At the speeds that the bearing was solved at on its way to the one asked for.
+    assert re.search(r"mine.py: seat_stiffness returned an array of shape \((\d+), 2\), needed: \(2, \1, 2\)$", line)
+
+
 @pytest.mark.parametrize(
     ("law", "said"),
     [

@@ -1,4 +1,4 @@
-"""Make many campaigns: python -m tests.hidden_effect.blind {calibration,test} FOLDER [--count N] [--workers N].
+"""Make many campaigns: python -m tests.hidden_effect.blind {calibration,test,second} FOLDER [--count N] [--workers N].
 
 FOLDER/campaigns/SEED is what a diagnosis may see, FOLDER/truth/SEED what it may not. A campaign whose seal holds is
 not made again, so an interrupted run is continued by the same command.
@@ -50,15 +50,15 @@ def make_all(root: Path, seeds: range, workers: int) -> list[int]:
 
 def main() -> int:
     """Read the command line and make the campaigns; return 1 when some failed."""
-    from tests.hidden_effect.design import CALIBRATION_SEEDS, TEST_SEEDS
+    from tests.hidden_effect.design import SEEDS, TEST_SEEDS
 
     parser = argparse.ArgumentParser(prog="python -m tests.hidden_effect.blind", description=__doc__.splitlines()[0])
-    parser.add_argument("seeds", choices=("calibration", "test"))
+    parser.add_argument("seeds", choices=tuple(SEEDS))
     parser.add_argument("folder", type=Path)
     parser.add_argument("--count", type=int, default=len(TEST_SEEDS), help="how many seeds, from the first")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes at once")
     arguments = parser.parse_args()
-    seeds = (CALIBRATION_SEEDS if arguments.seeds == "calibration" else TEST_SEEDS)[: arguments.count]
+    seeds = SEEDS[arguments.seeds][: arguments.count]
     failed = make_all(arguments.folder, seeds, arguments.workers)
     if failed:
         print(f"failed: {', '.join(map(str, failed))}")

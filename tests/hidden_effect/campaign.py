@@ -14,7 +14,7 @@ import yaml
 from tests.hidden_effect.ball_bearing import NoEquilibrium
 from tests.hidden_effect.design import Plan, plan
 from tests.hidden_effect.drawing import draw_machine, true_machine
-from tests.hidden_effect.effects import FOREIGN, NAMED, prepared
+from tests.hidden_effect.effects import FOREIGN, NAMED, SECOND, prepared
 from tests.hidden_effect.hidden import Hidden, thermal_history
 from tests.hidden_effect.machine import Machine, described
 from tests.hidden_effect.measure import Row, Scheme, bearing_rows, draw_scheme, mode_rows, receptance, receptance_rows
@@ -58,9 +58,10 @@ class Shop:
 
 def hide(plan: Plan, machine: Machine, rng: Generator) -> Hidden:
     """Draw the parameters of the planned effects for a machine."""
+    laws = NAMED | FOREIGN | (SECOND if plan.second else {})
     drawn: dict[str, object] = {}
     for name, strength in zip(plan.effects, plan.strengths, strict=True):
-        drawn |= (NAMED | FOREIGN)[name](strength, rng, machine)
+        drawn |= laws[name](strength, rng, machine)
     return Hidden(**drawn)
 
 

@@ -4,15 +4,19 @@ Of twenty seeds in a row that begin at a multiple of twenty, five hide nothing, 
 one that has no name. Effects take turns, and so do their strengths.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tests.hidden_effect.effects import FOREIGN, NAMED
 
-#: Seeds for choosing thresholds and temperatures, and seeds for the one judgement at the end; no seed is in both.
+#: Seeds for choosing thresholds and temperatures, and seeds for a judgement each; no seed is in two of them. The second
+#: test is for a program that has seen the truth of the first.
 CALIBRATION_SEEDS = range(1000, 1200)
 TEST_SEEDS = range(5000, 5200)
+SECOND_TEST_SEEDS = range(6000, 6200)
+#: The same by the names that commands know them by.
+SEEDS = {"calibration": CALIBRATION_SEEDS, "test": TEST_SEEDS, "second": SECOND_TEST_SEEDS}
 
 BLOCK = 20
 KINDS = ("none",) * 5 + ("one",) * 11 + ("two",) * 2 + ("foreign",) * 2
@@ -20,15 +24,23 @@ KINDS = ("none",) * 5 + ("one",) * 11 + ("two",) * 2 + ("foreign",) * 2
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """kind: none, one, two or foreign; effects: names; strengths: each 0 (weak) to 1 (strong)."""
+    """kind: none, one, two or foreign; effects: names; strengths: each 0 (weak) to 1 (strong).
+
+    second: whether it is of the second test, whose laws are none that the program has learned from.
+    """
 
     kind: str
     effects: tuple[str, ...]
     strengths: tuple[float, ...]
+    second: bool = False
 
 
 def plan(seed: int) -> Plan:
     """Return what a seed hides."""
+    return replace(_planned(seed), second=seed in SECOND_TEST_SEEDS)
+
+
+def _planned(seed: int) -> Plan:
     block, place = divmod(seed, BLOCK)
     order = np.random.default_rng([block, 1]).permutation(BLOCK)
     drawn = int(order[place])

@@ -122,6 +122,10 @@ def _asymmetry(strength: float, rng: Generator, machine: Machine) -> Fields:
     return {"front_seat_y_m_n": between(strength, 0.1, 3.0) * seat_compliance(machine)}
 
 
+def _unequal_asymmetry(strength: float, rng: Generator, machine: Machine) -> Fields:
+    return _asymmetry(strength, rng, machine) | {"rear_seat_y_share": float(rng.uniform(0.0, 1.0))}
+
+
 def _runout(strength: float, rng: Generator, machine: Machine) -> Fields:
     return {
         "runout_m": between(strength, 0.25, 1.4) * machine.process.feed_per_tooth_m,
@@ -198,6 +202,8 @@ NAMED: dict[str, Draw] = {
     "radial_immersion_error": _immersion,
     "drawbar_stiffness": _drawbar,
 }
+#: Laws of the second test where the program has meanwhile one like the first.
+SECOND: dict[str, Draw] = {"directional_asymmetry": _unequal_asymmetry}
 #: Effects that nobody has a name for.
 FOREIGN: dict[str, Draw] = {
     "tool_wear": _tool_wear,

@@ -35,7 +35,8 @@ class Hidden:
     ring_growth: float = 0.0  # times the free ring's
     front_seat_m_n: float = 0.0  # compliance of the housing at the first seat
     rear_seat_m_n: float = 0.0
-    front_seat_y_m_n: float = 0.0  # compliance of all seats in y alone
+    front_seat_y_m_n: float = 0.0  # compliance of the first seat in y alone
+    rear_seat_y_share: float = 1.0  # the same of the others, over it
     joint_border: int = 0  # number of the section before the joint
     joint_lateral_m_n: float = 0.0  # compliances of the joint at any speed
     joint_rotational_rad_nm: float = 0.0

@@ -103,9 +103,10 @@ class Spindle:
     def plane(self, axis: int, bearing: float, joint: tuple[float, float], modes: int) -> tuple[Array, Array]:
         """Return natural frequencies [rad/s] and shapes (freedom, mode) of unit modal mass in a plane."""
         hidden, stiffness = self.hidden, self.shaft.stiffness.copy()
-        seats = (hidden.front_seat_m_n, *[hidden.rear_seat_m_n] * (len(self.machine.seats) - 1))
-        for seat, freedom, compliance in zip(self.machine.seats, self.shaft.seats, seats, strict=True):
-            gives = compliance + (hidden.front_seat_y_m_n if axis == 1 else 0.0)
+        in_y = hidden.front_seat_y_m_n if axis == 1 else 0.0
+        front, rear = hidden.front_seat_m_n + in_y, hidden.rear_seat_m_n + in_y * hidden.rear_seat_y_share
+        seats = (front, *[rear] * (len(self.machine.seats) - 1))
+        for seat, freedom, gives in zip(self.machine.seats, self.shaft.seats, seats, strict=True):
             stiffness[freedom, freedom] += 1.0 / (1.0 / (seat.count * bearing) + gives)
         if self.shaft.joint is not None:
             before, behind = self.shaft.joint[:2], self.shaft.joint[2:]

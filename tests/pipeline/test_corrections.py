@@ -59,7 +59,7 @@ def test_a_diagnosis_that_explains_nothing_shows_them(tmp_path, monkeypatch):
         return Verdict(kind="unexplained", missing=(), text="Something is missing that no candidate explains.")
 
     monkeypatch.setattr(diagnosis, "decide", unexplained)
-    monkeypatch.setattr(diagnosis, "effect_names", lambda *_: ["directional_asymmetry"])
+    monkeypatch.setattr(diagnosis, "effect_names", lambda *_: ["speed_dependent_damping"])
     folder = tmp_path / "few"
     folder.mkdir()
     (folder / "machine.yaml").write_text((CAMPAIGNS / "r01" / "machine.yaml").read_text())

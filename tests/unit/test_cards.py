@@ -7,7 +7,7 @@ import pytest
 
 import chatter_core
 from chatter_core.cards import Card
-from chatter_core.effects import effect_class, effect_names
+from chatter_core.effects import effect_names, variants
 from chatter_core.evidence import Comparison, base_model
 from chatter_core.evidence.fit import fit
 from chatter_core.evidence.verdict import Verdict
@@ -44,11 +44,10 @@ def test_a_machine_of_measured_modes_shows_them(reference_machine):
 
 @pytest.mark.parametrize("name", effect_names())
 def test_an_effect_shows_its_parameters(name):
-    kind = effect_class(name)
-    chosen = {setting.name: setting.choices[0] for setting in kind.settings}
-    card = kind(**chosen).card()
-    assert card.title.startswith(f"{name}, on {kind.stage}")
-    assert [row[0] for row in card.rows] == [parameter.name for parameter in kind.declared]
+    for one in variants(name):
+        card = one.card()
+        assert card.title.startswith(f"{name}, on {one.acts_on}")
+        assert [row[0] for row in card.rows] == [parameter.name for parameter in one.declared]
 
 
 def test_a_campaign_and_a_comparison_show_what_is_in_them():

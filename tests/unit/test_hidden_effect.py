@@ -14,9 +14,10 @@ import pytest
 from chatter_core.evidence import read_campaign
 from tests import hidden_effect
 from tests.hidden_effect.blind import folders, make_all
-from tests.hidden_effect.campaign import SEAL, draw_shop, is_sealed, make_campaign
+from tests.hidden_effect.campaign import SEAL, draw_shop, hide, is_sealed, make_campaign
 from tests.hidden_effect.cutting import simulate
-from tests.hidden_effect.design import CALIBRATION_SEEDS, TEST_SEEDS, plan
+from tests.hidden_effect.design import SEEDS, plan
+from tests.hidden_effect.drawing import draw_machine
 from tests.hidden_effect.effects import FOREIGN, NAMED, prepared
 from tests.hidden_effect.hidden import Hidden, thermal_history, thermal_target
 from tests.hidden_effect.structure import Spindle, workpiece
@@ -43,7 +44,7 @@ def test_it_shares_no_code_with_the_program(path):
             assert name.split(".")[0] in allowed or name.startswith("tests.hidden_effect"), name
 
 
-@pytest.mark.parametrize("seeds", [CALIBRATION_SEEDS, TEST_SEEDS])
+@pytest.mark.parametrize("seeds", SEEDS.values(), ids=SEEDS)
 def test_composition_is_by_design(seeds):
     plans = [plan(seed) for seed in seeds]
     kinds = Counter(one.kind for one in plans)
@@ -58,8 +59,23 @@ def test_composition_is_by_design(seeds):
     assert all(len(set(one.effects)) == 2 for one in plans if one.kind == "two")
 
 
-def test_seeds_of_calibration_and_test_are_apart():
-    assert not set(CALIBRATION_SEEDS) & set(TEST_SEEDS)
+def test_seeds_of_calibration_and_tests_are_apart():
+    assert len(set().union(*SEEDS.values())) == sum(map(len, SEEDS.values()))
+
+
+def test_the_second_test_has_laws_of_its_own():
+    """Seats that give unequally in y, where those of the first test give alike; what else is drawn is as before."""
+    laws = {name: plan(next(s for s in SEEDS[name] if plan(s).effects == ("directional_asymmetry",))) for name in SEEDS}
+    papers, _ = draw_machine(np.random.default_rng(3))
+    hidden = {name: hide(one, papers, np.random.default_rng(4)) for name, one in laws.items()}
+    assert hidden["calibration"].rear_seat_y_share == hidden["test"].rear_seat_y_share == 1.0
+    assert 0.0 < hidden["second"].rear_seat_y_share < 1.0
+    spindle = Spindle(papers, hidden["second"])
+    bearing = spindle.bearing_stiffness(0.0, papers.preload_n)
+    alike = Spindle(papers, replace(hidden["second"], rear_seat_y_share=1.0))
+    one, other = (it.plane(1, bearing, (0.0, 0.0), 3)[0] for it in (spindle, alike))
+    assert np.all(one >= other)
+    assert one[0] > other[0]
 
 
 @pytest.fixture(scope="module")
