@@ -9,13 +9,14 @@ Each step hands a frozen value to the next, and knows only the value before it:
 The arrows are the functions of ``Stages``. A machine in the place of stages means those of the base model.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chatter_core import cutting, floquet, spindle, tip
 from chatter_core.bearing import BearingState, SpeedLaw, state_along
+from chatter_core.contact import forced_contact
 from chatter_core.errors import InvalidInput
 from chatter_core.following import follow_modes, path_to
 from chatter_core.machine import Machine
@@ -184,15 +185,29 @@ def milling_equation(
         passages=stages.passages,
     )
     used, system_index = np.unique(speed_index, return_inverse=True)
+    system = stages.linear_system(structure.cut_modes.at(used), structure.spindle_speed[used])
+    gain, known = _as_moved(stages, gain, system, system_index)
     cut = stages.regeneration(gain)
     return floquet.DelayEquation(
-        system=stages.linear_system(structure.cut_modes.at(used), structure.spindle_speed[used]),
+        system=system,
         system_index=system_index,
         feedback=cut.feedback,
         velocity_gain=cut.velocity_gain,
         period=cut.period,
         breakpoints=cut.breakpoints,
+        known=known,
     )
+
+
+def _as_moved(
+    stages: Stages, gain: cutting.CuttingGain, system: floquet.LinearSystem, system_index: NDArray[np.intp]
+) -> tuple[cutting.CuttingGain, NDArray[np.bool_] | None]:
+    """Return the gain with who cuts what on the motion that the cut forces, and where that was found (point,)."""
+    teeth, process = stages.teeth(stages.machine.tool), stages.machine.process
+    if np.ptp(teeth.radius) == 0.0:
+        return gain, None
+    met = forced_contact(gain, teeth, stages.engagement(process), process.feed_per_tooth, system, system_index)
+    return replace(gain, passages=met.passages), met.found
 
 
 def structure_variables(

@@ -117,22 +117,28 @@ class CuttingGain:
         They are where the tip of an edge begins and ends a passage, and where its upper end does.
         """
         lag, own = self.lag_angle[:, None], self.passages
-        entry, leave = own.entry - own.ahead + 0.0 * lag, own.exit - own.ahead + 0.0 * lag
-        corner = np.concatenate([entry, leave, entry + lag, leave + lag], axis=-1)
+        ends = (border - own.ahead + lag * part for border in (own.entry, own.exit) for part in (own.lower, own.upper))
+        corner = np.concatenate(list(ends), axis=-1)
+        # What does not cut at a point breaks nothing there.
+        cuts = np.tile(np.broadcast_to(own.exit > own.entry, (len(lag), len(own))), 4)
+        first = np.take_along_axis(corner, cuts.argmax(axis=1)[:, None], axis=1)
+        corner = np.where(cuts, corner, first)
         return np.asarray(np.mod(corner / self.spindle_speed[:, None], self.period[:, None]))
 
     def __call__(self, time: Array) -> Array:
         """Return K at times (point, ...) [N/m]."""
-        gain = np.zeros((*time.shape, 2, 2))
+        gain, own = np.zeros((*time.shape, 2, 2)), self.passages
         _add_edges(
             time.reshape(len(time), -1),
             self.spindle_speed,
             self.axial_depth,
             self.lag_angle,
-            2.0 * math.pi / self.tool.teeth * self.passages.repeat,
-            self.passages.ahead,
-            self.passages.entry,
-            self.passages.exit,
+            2.0 * math.pi / self.tool.teeth * own.repeat,
+            own.ahead,
+            own.lower,
+            own.upper,
+            np.broadcast_to(own.entry, (len(time), len(own))),
+            np.broadcast_to(own.exit, (len(time), len(own))),
             np.full(len(time), self.coefficients.tangential),
             np.full(len(time), self.coefficients.radial),
             gain.reshape(len(time), -1, 2, 2),
@@ -142,16 +148,18 @@ class CuttingGain:
 
 @compiled
 def _add_edges(  # type: ignore[no-untyped-def]
-    time, spindle_speed, axial_depth, lag_angle, turn, starts, entries, exits, tangential_coefficient,
+    time, spindle_speed, axial_depth, lag_angle, turn, starts, lowers, uppers, entries, exits, tangential_coefficient,
     radial_coefficient, gain,
 ):  # fmt: skip
     """Add up the directional matrices of all edges in the cut at times (point, time); the cut repeats every turn."""
     for p in range(len(time)):
-        lag, depth = lag_angle[p], axial_depth[p]
         tangential, radial = tangential_coefficient[p], radial_coefficient[p]
-        steep = max(lag, SMALLEST_LAG)
         for q in range(len(starts)):
-            ahead, entry, leave = starts[q], entries[q], exits[q]
+            entry, leave = entries[p, q], exits[p, q]
+            if leave <= entry:
+                continue
+            lag, depth = lag_angle[p] * (uppers[q] - lowers[q]), axial_depth[p] * (uppers[q] - lowers[q])
+            ahead, steep = starts[q] - lag_angle[p] * lowers[q], max(lag, SMALLEST_LAG)
             first = math.floor(entry / turn)
             # An edge is still in the cut after its tip has left.
             last = math.ceil((leave + lag) / turn)

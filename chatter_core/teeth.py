@@ -56,9 +56,10 @@ class Teeth:
 class Passages:
     """Stretches of angle on which one tooth removes what one other left, arrays (passage,).
 
-    ahead: where the tooth sits in front of the first one; entry, exit: the stretch [rad]; pitches: mean pitches
-    passed since the other tooth was there, the delay in tooth periods; longer: by how much its radius is larger than
-    the other's [m]; repeat: number of teeth that are listed, after which the cut repeats itself; teeth: of the cutter.
+    ahead: where the tooth sits in front of the first one; entry, exit: the stretch [rad], (point, passage) where it
+    hangs on the operating point; pitches: mean pitches passed since the other tooth was there, the delay in tooth
+    periods; longer: by how much its radius is larger than the other's [m]; lower, upper: the part of the edge, from 0
+    at its tip to 1; repeat: number of teeth that are listed, after which the cut repeats itself; teeth: of the cutter.
     """
 
     ahead: Array
@@ -66,6 +67,8 @@ class Passages:
     exit: Array
     pitches: Array
     longer: Array
+    lower: Array
+    upper: Array
     repeat: int
     teeth: int
 
@@ -74,7 +77,8 @@ class Passages:
 
     def select(self, kept: NDArray[np.intp]) -> "Passages":
         """Return some of the passages."""
-        arrays = {name: getattr(self, name)[kept] for name in ("ahead", "entry", "exit", "pitches", "longer")}
+        names = ("ahead", "entry", "exit", "pitches", "longer", "lower", "upper")
+        arrays = {name: getattr(self, name)[..., kept] for name in names}
         return replace(self, **arrays)
 
     def by_delay(self) -> tuple["Passages", ...]:
@@ -111,7 +115,17 @@ def passages(teeth: Teeth, engagement: Engagement, feed_per_tooth: float) -> Pas
             for entry, leave in _stretches(low, high, engagement):
                 rows.append((ahead, entry, leave, float(pitches[k]), float(longer[k])))
     ahead_of, entries, exits, since, excess = np.array(rows).T
-    return Passages(ahead=ahead_of, entry=entries, exit=exits, pitches=since, longer=excess, repeat=repeat, teeth=count)
+    return Passages(
+        ahead=ahead_of,
+        entry=entries,
+        exit=exits,
+        pitches=since,
+        longer=excess,
+        lower=np.zeros(len(rows)),
+        upper=np.ones(len(rows)),
+        repeat=repeat,
+        teeth=count,
+    )
 
 
 def _envelope(slope: Array, start: Array) -> list[tuple[float, float, int]]:

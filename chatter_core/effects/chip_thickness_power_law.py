@@ -36,12 +36,14 @@ class PowerLawGain:
         """Return K at times (point, ...) [N/m]."""
         flat, own, cut = time.reshape(len(time), -1), self.cut.passages, self.cut
         gain, turn = np.zeros((*flat.shape, 2, 2)), 2.0 * math.pi / own.teeth * own.repeat
-        steep = np.maximum(cut.lag_angle, SMALLEST_LAG)[:, None]
+        entries, exits = (np.broadcast_to(border, (len(flat), len(own))) for border in (own.entry, own.exit))
         for passage in range(len(own)):
-            entry, leave = own.entry[passage], own.exit[passage]
-            phase = np.mod(cut.spindle_speed[:, None] * flat + own.ahead[passage], turn)
-            last = math.ceil((leave + float(cut.lag_angle.max())) / turn)
-            for edge in range(math.floor(entry / turn), last + 1):
+            entry, leave = entries[:, passage, None], exits[:, passage, None]
+            lag, ahead = self._lag(passage)[:, None], own.ahead[passage] - cut.lag_angle[:, None] * own.lower[passage]
+            steep = np.maximum(lag, SMALLEST_LAG)
+            phase = np.mod(cut.spindle_speed[:, None] * flat + ahead, turn)
+            last = math.ceil(float((leave + lag).max()) / turn)
+            for edge in range(math.floor(float(entry.min()) / turn), last + 1):
                 angle = phase + turn * edge
                 leaves, enters = (np.clip((angle - border) / steep, 0.0, 1.0) for border in (leave, entry))
                 engaged = np.nonzero(enters > leaves)
@@ -51,14 +53,21 @@ class PowerLawGain:
                     )
         return gain.reshape(*time.shape, 2, 2)
 
+    def _lag(self, passage: int) -> Array:
+        """Return the angle by which the part of the edge lags over its own height (point,) [rad]."""
+        return np.asarray(self.cut.lag_angle * self._part(passage))
+
+    def _part(self, passage: int) -> float:
+        return float(self.cut.passages.upper[passage] - self.cut.passages.lower[passage])
+
     def _of_edges(self, passage: int, point: NDArray[np.intp], angle: Array, leaves: Array, enters: Array) -> Array:
         """Return the integrals (edge, 2, 2) over edges (edge,) of points, each between two shares of its height."""
         share = leaves[:, None] + (enters - leaves)[:, None] * 0.5 * (NODES + 1.0)
-        theta = angle[:, None] - self.cut.lag_angle[point, None] * share
+        theta = angle[:, None] - self._lag(passage)[point, None] * share
         chip = self.cut.passages.select(np.array([passage])).chip_thickness(theta, self.feed_per_tooth)
         thickness = np.hypot(np.maximum(chip, 0.0), LEAST_CHIP) / REFERENCE_CHIP
         part = 0.5 * WEIGHTS * self.exponent * thickness ** (self.exponent - 1.0)
-        part *= (self.cut.axial_depth[point] * (enters - leaves))[:, None]
+        part *= (self.cut.axial_depth[point] * self._part(passage) * (enters - leaves))[:, None]
         tangential, radial = (
             np.broadcast_to(one, len(self.cut.axial_depth))[point]
             for one in (self.cut.coefficients.tangential, self.cut.coefficients.radial)

@@ -18,10 +18,12 @@ class ToolRunout(Effect):
     """R_i = R + r cos(phi_i + phase), r half the indicator reading, phi_i = 2 pi i/Z, ahead of tooth 0.
 
     A linear equation knows of the radii where chips end: a tooth that is shorter than the one ahead by more than
-    the feed misses, at some angles or at all, and the next one then cuts what was left two pitches ago or more. Runout
-    below that changes nothing here. Valid for an offset of the axis; its tilt would change along the edge.
+    the feed misses, at some angles or at all, and the next one then cuts what was left two pitches ago or more. The
+    motion that uneven chips force takes part in that (``chatter_core.contact``). Where every tooth cuts everywhere,
+    runout changes nothing here. Valid for an offset of the axis; its tilt would change along the edge.
 
-    Source: W. A. Kline, R. E. DeVor, Int. J. Mach. Tool Des. Res. 23 (1983) 123-140.
+    Source: W. A. Kline, R. E. DeVor, Int. J. Mach. Tool Des. Res. 23 (1983) 123-140; T. Insperger et al., Int. J.
+    Mach. Tools Manuf. 48 (2008) 1081-1089.
 
     See docs/physics.md#tool-runout.
     """

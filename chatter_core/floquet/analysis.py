@@ -1,6 +1,7 @@
 """Floquet analysis of a batch of equations: the critical multiplier and the motion that it belongs to."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,8 @@ from chatter_core.floquet.equation import Array, ComplexArray, DelayEquation
 from chatter_core.floquet.harmonics import harmonics
 from chatter_core.floquet.method import MethodSettings
 from chatter_core.floquet.multipliers import CriticalMotion, CriticalMultiplier, Monodromy
+
+Critical = TypeVar("Critical", CriticalMotion, CriticalMultiplier)
 
 #: The residual of a multiplier is this share of the tolerance, for its condition, and never larger than that.
 RESIDUAL_SHARE, LARGEST_RESIDUAL = 1e-3, 1e-7
@@ -59,7 +62,7 @@ def critical_motion(equation: DelayEquation, method: MethodSettings, refinement:
 
     See docs/physics.md#critical-multiplier.
     """
-    return multipliers.critical_motion(*_operator(equation, method, refinement))
+    return _where_known(equation, multipliers.critical_motion(*_operator(equation, method, refinement)))
 
 
 def critical_multiplier(
@@ -71,7 +74,7 @@ def critical_multiplier(
 
     See docs/physics.md#critical-multiplier.
     """
-    return multipliers.critical_multiplier(*_operator(equation, method, refinement))
+    return _where_known(equation, multipliers.critical_multiplier(*_operator(equation, method, refinement)))
 
 
 def leading_multipliers(equation: DelayEquation, method: MethodSettings, count: int) -> ComplexArray:
@@ -80,7 +83,13 @@ def leading_multipliers(equation: DelayEquation, method: MethodSettings, count: 
     See docs/physics.md#critical-multiplier.
     """
     operator, _ = _operator(equation, method, 1.0)
-    return multipliers.leading_multipliers(operator, count, LEADING_RESIDUAL)
+    found = multipliers.leading_multipliers(operator, count, LEADING_RESIDUAL)
+    return found if equation.known is None else np.where(equation.known[:, None], found, np.nan)
+
+
+def _where_known(equation: DelayEquation, found: Critical) -> Critical:
+    """Return a critical multiplier or motion that has not converged where the equation itself is not known."""
+    return found if equation.known is None else replace(found, converged=found.converged & equation.known)
 
 
 def _operator(equation: DelayEquation, method: MethodSettings, refinement: Array | float) -> tuple[Monodromy, float]:

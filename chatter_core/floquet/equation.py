@@ -142,7 +142,8 @@ class DelayEquation:
 
     system: the linear systems; system_index: (point,), which of them is a point's; period: (point,)
     [s]; breakpoints: (point, breakpoint), the times in [0, period) where a gain is not smooth, at
-    least one; velocity_gain: D_k, on the outputs' velocities.
+    least one; velocity_gain: D_k, on the outputs' velocities; known: (point,), where the gains are what they should
+    be, None where everywhere. What is not known has no solution.
     """
 
     system: LinearSystem
@@ -151,6 +152,7 @@ class DelayEquation:
     period: Array
     breakpoints: Array
     velocity_gain: tuple[Gain, ...] = ()
+    known: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
         return len(self.period)

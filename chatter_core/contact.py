@@ -1,0 +1,424 @@
+"""Who cuts what while the cut itself moves the tool: the motion that unlike teeth force, and who meets the work on it.
+
+Teeth of unlike radii remove unlike chips. Their force repeats with the revolution and moves the tip by w(t); the tip
+carries the teeth along, so that of the chips
+
+    h_k = f t_k sin(theta) + R_i - R_(i+k) + n(theta) . [w(t) - w(t - tau_k)],   n = (sin(theta), cos(theta))
+
+tooth i removes the least, where that is positive (``chatter_core.teeth``). Who cuts what hangs on the motion, and the
+motion on who cuts what. With who cuts what held, chips and forces are linear in each other; so the motion that
+repeats is found by Newton's method, on forces that are linear between samples, which a linear system answers exactly.
+
+Teeth of one radius are moved alike, and their motion drops out of all chips: nothing is to be found.
+
+Sources: J. Tlusty, F. Ismail, CIRP Ann. 30 (1981) 299-304 (chips on the motion, loss of contact); T. Insperger, B. P.
+Mann, T. Surmann, G. Stepan, Int. J. Mach. Tools Manuf. 48 (2008) 1081-1089 (stability about the motion that runout
+forces); L. Qi, J. Sun, Math. Program. 58 (1993) 353-367 (Newton's method where slopes jump).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_core.cutting import CuttingGain
+from chatter_core.floquet import LinearSystem
+from chatter_core.jit import compiled
+from chatter_core.teeth import Engagement, Passages, Teeth
+
+Array = NDArray[np.float64]
+
+#: Samples of the force in a mean pitch, and how much finer the motion is.
+SAMPLES, FINER = 32, 3
+#: Slices of a helical edge: parts of it that are in contact for themselves.
+SLICES = 3
+#: Stretches of a revolution on which one edge follows one other, at most; the motion may part one into several.
+STRETCHES = 4
+#: Newton steps at most, halvings of one that does not come nearer, and of the interval in which a stretch ends.
+STEPS, HALVINGS, BISECTIONS = 16, 5, 32
+#: Depths on the way to a motion that is not found at once, one set after the other.
+LADDERS = (1, 4, 16)
+#: Forces that are off by this share of the largest have arrived: rounding.
+ARRIVED = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """Who cuts what on the motion that the cut forces.
+
+    passages: with entries and exits of every point (point, passage); motion: the tip's displacement (point, sample, 2)
+    [m] at equal times of a revolution, from when the first tooth is at angle 0; found: (point,), False where Newton's
+    method has not arrived.
+    """
+
+    passages: Passages
+    motion: Array
+    found: NDArray[np.bool_]
+
+
+def forced_contact(
+    cut: CuttingGain,
+    teeth: Teeth,
+    engagement: Engagement,
+    feed_per_tooth: float,
+    system: LinearSystem,
+    system_index: NDArray[np.intp],
+) -> Contact:
+    """Return who cuts what at operating points.
+
+    cut: with any passages; feed_per_tooth [m] is that of a mean pitch; system_index: (point,), which of the systems
+    moves the tip.
+
+    Raises UnsupportedEquation when a system cannot be diagonalised.
+
+    See docs/physics.md#forced-motion.
+    """
+    count, lag = len(teeth.pitch), np.asarray(cut.lag_angle)
+    slices = SLICES if cut.tool.helix_angle > 0.0 else 1
+    passed = np.array([np.cumsum(np.roll(teeth.pitch, -tooth)) for tooth in range(count)])
+    longer = np.array([teeth.radius[tooth] - np.roll(teeth.radius, -tooth - 1) for tooth in range(count)])
+    ahead = 2.0 * math.pi / count * np.concatenate([[0.0], np.cumsum(teeth.pitch)[:-1]])
+    speed = np.empty(len(system.state_matrix))
+    speed[system_index] = cut.spindle_speed
+    points = len(lag)
+    begin = np.zeros((points, count * slices, count, STRETCHES))
+    end, found = np.zeros_like(begin), np.zeros(points, dtype=np.bool_)
+    motion = np.zeros((points, count * SAMPLES * FINER, 2))
+    answer = periodic_answer(system, 2.0 * math.pi / speed, count * SAMPLES, FINER)
+    coarse = np.ascontiguousarray(answer[:, ::FINER])
+    _meet(
+        answer,
+        coarse,
+        _between(coarse, passed * SAMPLES),
+        system_index,
+        lag,
+        cut.axial_depth / slices,
+        np.broadcast_to(np.asarray(cut.coefficients.tangential, dtype=float), (points,)),
+        np.broadcast_to(np.asarray(cut.coefficients.radial, dtype=float), (points,)),
+        ahead,
+        passed,
+        longer,
+        feed_per_tooth,
+        engagement.entry,
+        engagement.exit,
+        motion,
+        begin,
+        end,
+        found,
+    )
+    return Contact(
+        passages=_listed(begin, end, ahead, passed, longer, slices, teeth.repeat), motion=motion, found=found
+    )
+
+
+def periodic_answer(system: LinearSystem, period: Array, samples: int, finer: int = 1) -> Array:
+    """Return what a force that is one at a sample, zero at all others and linear between moves (system, lag, 2, 2).
+
+    The force comes once in a period (system,) [s] of so many samples; lag: time since then, so many times finer than
+    samples; output and input axis [m/N].
+    """
+    half, step = system.half_spectrum, period[:, None] / samples
+    turned = half.poles * step
+    around, grown = np.exp(half.poles * period[:, None]), np.exp(turned)
+    # Of a force (1 - |u|), u in samples, what has acted on exp(pole t) until a lag, and what acts in all. What is
+    # still to come acted a period ago.
+    lag = np.arange(samples * finer) / finer
+    near = np.minimum(lag, samples - lag) < 1.0
+    since = np.where(near & (lag > 1.0), lag - samples, lag)
+    acted = np.zeros((*turned.shape, len(lag)), dtype=complex)
+    z, t = turned[..., None], since[near]
+    rising, falling = np.exp(z * (1.0 + np.minimum(t, 0.0))) - 1.0 - z * (1.0 + np.minimum(t, 0.0)), np.maximum(t, 0.0)
+    acted[..., near] = rising * np.exp(z * falling) + (z - 1.0) * np.exp(z * falling) + 1.0 - z + z * falling
+    whole = np.exp(z * (np.where(near, since + samples, lag) - 1.0)) * (1.0 - grown[..., None]) ** 2
+    acted[..., near] *= (1.0 - around)[..., None]
+    answer = (acted + whole) * (step / (turned**2 * (1.0 - around)))[..., None]
+    return np.ascontiguousarray(np.einsum("sop,spn,spi->snoi", half.seen, answer, half.driven, optimize=True).real)
+
+
+def _between(answer: Array, since: Array) -> Array:
+    """Return what a force moves the tip by between two times, so many samples apart (tooth, k).
+
+    As ``answer``, (system, tooth, k, lag, 2, 2): what is between samples is linear between them.
+    """
+    result = np.empty((len(answer), *since.shape, *answer.shape[1:]))
+    for tooth, k in np.ndindex(since.shape):
+        whole, part = int(since[tooth, k]), float(since[tooth, k] % 1.0)
+        then = (1.0 - part) * np.roll(answer, whole, axis=1) + part * np.roll(answer, whole + 1, axis=1)
+        result[:, tooth, k] = answer - then
+    return result
+
+
+def _listed(begin: Array, end: Array, ahead: Array, passed: Array, longer: Array, slices: int, repeat: int) -> Passages:
+    """Return the stretches (point, edge, k, stretch) of the teeth until they repeat as passages, without empty ones."""
+    kept = np.argwhere((end > begin).any(axis=0))
+    kept = kept[kept[:, 0] // slices < repeat]
+    edge, k, stretch = kept.T
+    tooth = edge // slices
+    return Passages(
+        ahead=ahead[tooth],
+        entry=begin[:, edge, k, stretch],
+        exit=end[:, edge, k, stretch],
+        pitches=passed[tooth, k],
+        longer=longer[tooth, k],
+        lower=(edge % slices) / slices,
+        upper=(edge % slices + 1.0) / slices,
+        repeat=repeat,
+        teeth=len(ahead),
+    )
+
+
+@compiled
+def _meet(  # type: ignore[no-untyped-def]
+    fines, answers, betweens, system, lags, depths, tangentials, radials, ahead, passed, longer, feed, entry, leave,
+    motions, begin, end, found,
+):  # fmt: skip
+    """Fill in the motions, where each edge begins and ends to follow each other, and what was found."""
+    samples, teeth = answers.shape[1], len(ahead)
+    edges = begin.shape[1]
+    slices = edges // teeth
+    turn = 2.0 * math.pi
+    for p in range(len(depths)):
+        offset = np.empty(edges)
+        for e in range(edges):
+            offset[e] = ahead[e // slices] - lags[p] * (e % slices + 0.5) / slices
+        sine, cosine, weight = np.empty((edges, samples)), np.empty((edges, samples)), np.empty((edges, samples))
+        for e in range(edges):
+            for j in range(samples):
+                angle = (turn * j / samples + offset[e]) % turn
+                sine[e, j], cosine[e, j] = math.sin(angle), math.cos(angle)
+                weight[e, j] = _share_inside(angle, turn / samples, entry, leave)
+        force, motion = np.zeros((samples, 2)), np.empty((samples, 2))
+        found[p] = _repeating(
+            answers[system[p]], betweens[system[p]], depths[p] * tangentials[p], depths[p] * radials[p], sine, cosine,
+            weight, passed, longer, feed, force, motion,
+        )  # fmt: skip
+        _move(fines[system[p]], force, motions[p])
+        for e in range(edges):
+            _follow(
+                motions[p],
+                offset[e],
+                passed[e // slices],
+                longer[e // slices],
+                feed,
+                entry,
+                leave,
+                begin[p, e],
+                end[p, e],
+            )
+
+
+@compiled
+def _share_inside(angle, width, entry, leave):  # type: ignore[no-untyped-def]
+    """Return the share of the angles about one that lie in the cut; the cut may reach over the full turn."""
+    share = 0.0
+    for around in (-2.0 * math.pi, 0.0, 2.0 * math.pi):
+        low, high = max(angle + around - 0.5 * width, entry), min(angle + around + 0.5 * width, leave)
+        share += max(high - low, 0.0) / width
+    return share
+
+
+@compiled
+def _repeating(  # type: ignore[no-untyped-def]
+    answer, between, tangential, radial, sine, cosine, weight, passed, longer, feed, force, motion,
+):  # fmt: skip
+    """Find the force (sample, 2) that repeats, and return whether it was found; forces over chips [N/m].
+
+    At once, or else by cuts that become deeper, each from the motion of the one before.
+    """
+    for rungs in LADDERS:
+        force[:] = 0.0
+        for rung in range(1, rungs + 1):
+            share = rung / rungs
+            force *= rung / max(rung - 1, 1)
+            there = _settled(
+                answer, between, share * tangential, share * radial, sine, cosine, weight, passed, longer, feed, force,
+                motion,
+            )  # fmt: skip
+            if not there:
+                break
+        if there:
+            return True
+    return False
+
+
+@compiled
+def _settled(  # type: ignore[no-untyped-def]
+    answer, between, tangential, radial, sine, cosine, weight, passed, longer, feed, force, motion,
+):  # fmt: skip
+    """Bring forces (sample, 2) that repeat from near to where they belong; return whether they have arrived."""
+    samples, edges = len(answer), len(sine)
+    other = np.empty((samples, 2))
+    who, next_who = np.empty((edges, samples), np.int64), np.empty((edges, samples), np.int64)
+    _move(answer, force, motion)
+    far = _held_against(force, motion, tangential, radial, sine, cosine, weight, passed, longer, feed, who)
+    for _ in range(STEPS):
+        target = _forces(between, tangential, radial, sine, cosine, weight, passed, longer, feed, who)
+        share = 1.0
+        for _ in range(HALVINGS):
+            other[:] = force + share * (target - force)
+            _move(answer, other, motion)
+            left = _held_against(
+                other, motion, tangential, radial, sine, cosine, weight, passed, longer, feed, next_who
+            )
+            if left < far:
+                break
+            share *= 0.5
+        force[:] = other
+        who[:], far = next_who, left
+        if far <= ARRIVED * np.abs(force).max():
+            return True
+    return False
+
+
+@compiled
+def _move(answer, force, motion):  # type: ignore[no-untyped-def]
+    """Fill in the motion (time, 2) under forces (sample, 2) that repeat; the answer may be finer than samples."""
+    times = len(answer)
+    finer = times // len(force)
+    motion[:] = 0.0
+    for sample in range(len(force)):
+        along, across = force[sample, 0], force[sample, 1]
+        if along == 0.0 and across == 0.0:
+            continue
+        source = sample * finer
+        for j in range(times):
+            one = answer[j - source if j >= source else j - source + times]
+            motion[j, 0] += one[0, 0] * along + one[0, 1] * across
+            motion[j, 1] += one[1, 0] * along + one[1, 1] * across
+
+
+@compiled
+def _before(motion, place, axis):  # type: ignore[no-untyped-def]
+    """Return the motion at a place between samples, linear between them."""
+    samples = len(motion)
+    low = math.floor(place)
+    part = place - low
+    return (1.0 - part) * motion[low % samples, axis] + part * motion[(low + 1) % samples, axis]
+
+
+@compiled
+def _least(motion, place, sine, cosine, passed, longer, feed):  # type: ignore[no-untyped-def]
+    """Return the least chip at a place of the revolution, and of which tooth before it is; pitches passed (k,)."""
+    samples, teeth = len(motion), len(passed)
+    per_pitch = samples / teeth
+    now_x, now_y = _before(motion, place, 0), _before(motion, place, 1)
+    least, which = np.inf, 0
+    for k in range(teeth):
+        then = place - passed[k] * per_pitch
+        moved = sine * (now_x - _before(motion, then, 0)) + cosine * (now_y - _before(motion, then, 1))
+        chip = feed * passed[k] * sine + longer[k] + moved
+        if chip < least:
+            least, which = chip, k
+    return least, which
+
+
+@compiled
+def _held_against(  # type: ignore[no-untyped-def]
+    force, motion, tangential, radial, sine, cosine, weight, passed, longer, feed, who,
+):  # fmt: skip
+    """Fill in whom every edge follows (edge, sample), -1 where it cuts nothing; return how far the forces are off."""
+    edges, samples = sine.shape
+    slices = edges // len(passed)
+    off = 0.0
+    for j in range(samples):
+        along, across = 0.0, 0.0
+        for e in range(edges):
+            who[e, j] = -1
+            if weight[e, j] > 0.0:
+                s, c = sine[e, j], cosine[e, j]
+                chip, k = _least(motion, float(j), s, c, passed[e // slices], longer[e // slices], feed)
+                if chip > 0.0:
+                    who[e, j] = k
+                    along -= weight[e, j] * (tangential * c + radial * s) * chip
+                    across += weight[e, j] * (tangential * s - radial * c) * chip
+        off = max(off, abs(along - force[j, 0]), abs(across - force[j, 1]))
+    return off
+
+
+@compiled
+def _forces(  # type: ignore[no-untyped-def]
+    between, tangential, radial, sine, cosine, weight, passed, longer, feed, who,
+):  # fmt: skip
+    """Return the forces (sample, 2) that repeat while who cuts what is held."""
+    edges, samples = sine.shape
+    slices = edges // len(passed)
+    places = np.empty(samples, np.int64)
+    count = 0
+    for j in range(samples):
+        if who[:, j].max() >= 0:
+            places[count] = j
+            count += 1
+    matrix, right = np.eye(2 * count), np.zeros(2 * count)
+    for r in range(count):
+        j = places[r]
+        for e in range(edges):
+            k = who[e, j]
+            if k < 0:
+                continue
+            s, c, tooth = sine[e, j], cosine[e, j], e // slices
+            along = -weight[e, j] * (tangential * c + radial * s)
+            across = weight[e, j] * (tangential * s - radial * c)
+            chip = feed * passed[tooth, k] * s + longer[tooth, k]
+            right[2 * r] += along * chip
+            right[2 * r + 1] += across * chip
+            moved = between[tooth, k]
+            for q in range(count):
+                since = j - places[q]
+                if since < 0:
+                    since += samples
+                for axis in range(2):
+                    chip = s * moved[since, 0, axis] + c * moved[since, 1, axis]
+                    matrix[2 * r, 2 * q + axis] -= along * chip
+                    matrix[2 * r + 1, 2 * q + axis] -= across * chip
+    solved = np.linalg.solve(matrix, right)
+    force = np.zeros((samples, 2))
+    for r in range(count):
+        force[places[r], 0], force[places[r], 1] = solved[2 * r], solved[2 * r + 1]
+    return force
+
+
+@compiled
+def _follow(motion, offset, passed, longer, feed, entry, leave, begin, end):  # type: ignore[no-untyped-def]
+    """Fill in the angles (k, stretch) between which an edge follows the k-th tooth before it."""
+    samples = len(motion)
+    pieces = math.ceil((leave - entry) * samples / (2.0 * math.pi))
+    filled = np.zeros(len(passed), np.int64)
+    low = entry
+    now = _whom(motion, low, offset, passed, longer, feed)
+    start = low
+    for piece in range(pieces):
+        high = entry + (leave - entry) * (piece + 1) / pieces
+        following = _whom(motion, high, offset, passed, longer, feed)
+        if following != now:
+            below, above = low, high
+            for _ in range(BISECTIONS):
+                middle = 0.5 * (below + above)
+                if _whom(motion, middle, offset, passed, longer, feed) == now:
+                    below = middle
+                else:
+                    above = middle
+            if now >= 0:
+                _note(now, start, below, filled, begin, end)
+            now, start = following, below
+        low = high
+    if now >= 0:
+        _note(now, start, leave, filled, begin, end)
+
+
+@compiled
+def _note(k, start, stop, filled, begin, end):  # type: ignore[no-untyped-def]
+    """Write a stretch down; one too many lengthens the last."""
+    place = min(filled[k], begin.shape[1] - 1)
+    if filled[k] == place:
+        begin[k, place] = start
+    end[k, place] = stop
+    filled[k] = place + 1
+
+
+@compiled
+def _whom(motion, angle, offset, passed, longer, feed):  # type: ignore[no-untyped-def]
+    """Return whom an edge follows at an angle, -1 where it cuts nothing."""
+    place = (angle - offset) * len(motion) / (2.0 * math.pi)
+    chip, k = _least(motion, place, math.sin(angle), math.cos(angle), passed, longer, feed)
+    return k if chip > 0.0 else -1

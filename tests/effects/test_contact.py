@@ -1,0 +1,155 @@
+"""Who cuts what on the motion that uneven chips force, against Fourier series, brute force and cutting in time."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from chatter_core import chain
+from chatter_core.chain import milling_equation, structure
+from chatter_core.contact import FINER, SAMPLES, forced_contact, periodic_answer
+from chatter_core.cutting import CuttingGain
+from chatter_core.effects import activate, apply_effects
+from chatter_core.evidence.prediction import FITTING_METHOD
+from chatter_core.machine import Machine
+from chatter_core.stability import branches, critical_multipliers, evaluate
+from chatter_core.teeth import Engagement, Teeth, passages
+from chatter_core.tip import receptance
+from chatter_core.variables import STATUS
+from tests.conftest import COLLOCATION
+from tests.nonlinear.simulation import simulate
+from tests.nonlinear.test_time_domain import cutter, energy, modal
+
+RPM = math.pi / 30.0
+
+
+def model(machine: Machine, runout_um: float, phase_deg: float = 20.0):
+    return apply_effects(machine, [activate("tool_runout", {"runout_um": runout_um, "phase_deg": phase_deg})])
+
+
+def test_a_force_that_repeats_moves_the_tip_as_its_fourier_series_says(reference_machine: Machine):
+    """A triangle of force over two samples has the coefficients sinc^2; 40 000 of them leave 1e-9 of the largest."""
+    speed, samples, finer = np.array([3000.0, 20000.0]) * RPM, 96, 4
+    built = structure(reference_machine, speed, mode_count=3)
+    system = milling_equation(reference_machine, built, np.arange(2), np.full(2, 1e-3)).system
+    period = 2.0 * math.pi / speed
+    found = periodic_answer(system, period, samples, finer)
+    assert np.array_equal(periodic_answer(system, period, samples), found[:, ::finer])
+    harmonic = np.arange(1, 40001)
+    for number in range(2):
+        line, step = harmonic * speed[number], period[number] / samples
+        answers = receptance(built.cut_modes.at(np.array([number])), np.append(0.0, line))[0]
+        weights = np.sinc(np.append(0.0, harmonic) / samples) ** 2 / samples * np.append(1.0, np.full(40000, 2.0))
+        for lag in (0, 1, 3, 4, 7, 200, samples * finer - 1, samples * finer - 4):
+            turn = np.exp(1j * np.append(0.0, line) * lag * step / finer)
+            expected = np.einsum("n,noi->oi", weights * turn, answers).real
+            assert found[number, lag] == pytest.approx(expected, abs=1e-9 * np.abs(found[number]).max())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_where_nothing_moves_the_radii_decide(seed: int, reference_machine: Machine):
+    """A cut so shallow that its force moves nothing, against who cuts what by radii alone; slots, helix or none."""
+    rng = np.random.default_rng(seed)
+    count, feed = int(rng.integers(2, 6)), 8e-5
+    pitch = 1.0 + 0.2 * rng.uniform(-0.5, 0.5, count)
+    teeth = Teeth(pitch=pitch * count / pitch.sum(), radius=rng.uniform(0.0, 2.0, count) * feed)
+    arc = Engagement(entry=0.2, exit=2.8)
+    tool = reference_machine.tool.model_copy(update={"teeth": count, "helix_angle": 0.5 * (seed % 2)})
+    built = structure(reference_machine, np.array([9000.0]) * RPM, mode_count=2)
+    plain = milling_equation(reference_machine, built, np.array([0]), np.array([1e-9]))
+    nominal = passages(teeth, arc, feed)
+    (term,) = plain.feedback
+    assert isinstance(term.gain, CuttingGain)
+    cut = replace(term.gain, tool=tool, passages=nominal)
+    met = forced_contact(cut, teeth, arc, feed, plain.system, np.array([0]))
+    assert met.found.all()
+    found = met.passages
+    assert found.repeat == nominal.repeat
+    for angle in rng.uniform(arc.entry, arc.exit, 200):
+        by_radii = (nominal.entry < angle) & (angle < nominal.exit)
+        expected = sorted(zip(nominal.ahead[by_radii], nominal.pitches[by_radii], strict=True))
+        for lower in np.unique(found.lower):
+            on = (found.entry[0] < angle) & (angle < found.exit[0]) & (found.lower == lower)
+            got = sorted(zip(found.ahead[on], found.pitches[on], strict=True))
+            assert np.array(got) == pytest.approx(np.array(expected), abs=1e-9)
+
+
+#: Runout [um], speed [rpm], depth [mm] at which who would cut what if nothing moved says the opposite, or half.
+CASES = [(200.0, 8000.0, 2.763), (120.0, 6000.0, 1.908)]
+
+
+def simulated(machine: Machine, runout_um: float, rpm: float, depth_mm: float, periods: int):
+    """Cut in the time domain, from rest; return the states at the end of every tooth period, and the modes."""
+    speed = np.array([rpm]) * RPM
+    built = structure(machine, speed, mode_count=4)
+    place = np.arange(machine.tool.teeth) * 2.0 * math.pi / machine.tool.teeth + math.radians(20.0)
+    radius = tuple(0.5e-6 * runout_um * np.cos(place))
+    depth = np.array([depth_mm * 1e-3])
+    ends = simulate(
+        cutter(machine, radius), modes=modal(built), spindle_speed=speed, axial_depth=depth,
+        periods=periods, steps=160, slices=6,
+    )  # fmt: skip
+    return ends, built.modes
+
+
+@pytest.mark.parametrize(("runout_um", "rpm", "depth_mm"), CASES)
+def test_growth_is_that_about_the_forced_motion(runout_um, rpm, depth_mm, reference_machine: Machine, monkeypatch):
+    stages, depth, point = model(reference_machine, runout_um), np.array([depth_mm * 1e-3]), np.array([0])
+    built = structure(stages, np.array([rpm]) * RPM, mode_count=4)
+
+    def growth():
+        return float(np.log(evaluate(stages, built, point, depth, COLLOCATION, np.ones(1)).spectral_radius[0]))
+
+    about_the_motion = growth()
+    ends, modes = simulated(reference_machine, runout_um, rpm, depth_mm, 180)
+    left = 0.5 * np.log(energy(modes, ends[4:] - ends[:-4]))[80:140, 0]
+    seen = np.polynomial.polynomial.polyfit(np.arange(len(left)), left, 1)[1]
+    # Steps of the simulation, and samples of the motion, change either by some per cent.
+    assert about_the_motion == pytest.approx(seen, rel=0.15)
+
+    def unmoved(cut, *arguments):
+        return replace(forced_contact(cut, *arguments), passages=cut.passages)
+
+    monkeypatch.setattr(chain, "forced_contact", unmoved)
+    assert abs(growth() - seen) > 0.045
+
+
+def test_the_forced_motion_is_the_one_that_a_cut_settles_on(reference_machine: Machine):
+    runout_um, rpm, depth_mm = CASES[1]
+    ends, modes = simulated(reference_machine, runout_um, rpm, depth_mm, 200)
+    stages = model(reference_machine, runout_um)
+    built = structure(stages, np.array([rpm]) * RPM, mode_count=4)
+    equation = milling_equation(stages, built, np.array([0]), np.array([depth_mm * 1e-3]))
+    (gain, *_) = (term.gain for term in equation.feedback)
+    assert isinstance(gain, CuttingGain)
+    process = reference_machine.process
+    teeth = stages.teeth(reference_machine.tool)
+    met = forced_contact(
+        gain, teeth, stages.engagement(process), process.feed_per_tooth, equation.system, np.array([0])
+    )
+    count = reference_machine.tool.teeth
+    for period in range(200 - count, 200):
+        tip = np.array([ends[period, 0, modes.axis == axis, 0].sum() for axis in range(2)])
+        # At the end of a tooth period the first tooth is where another was at its beginning.
+        found = met.motion[0, ((period + 1) % count) * SAMPLES * FINER]
+        # Edges of the simulation enter at whole steps, 160 a tooth period: of first order.
+        assert found == pytest.approx(tip, abs=0.02 * np.abs(met.motion).max())
+
+
+def test_where_no_motion_was_found_there_is_no_result(reference_machine: Machine, monkeypatch):
+    stages = model(reference_machine, 60.0)
+    built = structure(stages, np.array([9000.0]) * RPM, mode_count=2)
+    point, depth = np.zeros(2, dtype=np.intp), np.array([5e-4, 1e-3])
+
+    def half(*arguments):
+        return replace(forced_contact(*arguments), found=np.array([True, False]))
+
+    monkeypatch.setattr(chain, "forced_contact", half)
+    assert list(evaluate(stages, built, point, depth, FITTING_METHOD, np.ones(2)).status) == [
+        STATUS["ok"], STATUS["not_converged"],
+    ]  # fmt: skip
+    found = critical_multipliers(stages, built, point, depth, FITTING_METHOD, np.ones(2))
+    assert list(np.isfinite(found)) == [True, False]
+    growth, _ = branches(stages, built, point, depth, FITTING_METHOD, 2)
+    assert list(np.isfinite(growth).any(axis=1)) == [True, False]
