@@ -43,10 +43,11 @@ class Singles:
 
 def singles(workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate]) -> Singles:
     """Return the base model and every candidate fitted beside it; the base model may have risen meanwhile."""
+    found: list[Hypothesis] = []
     for _ in range(GROUNDS):
         fitted_with = partial(fit_hypothesis, base.comparison, nested=ground(base))
         near = spread(workers, [Job(name=str(one), call=partial(fitted_with, [one])) for one in candidates])
-        found = _climbed(workers, near)
+        found = _higher(found, _climbed(workers, near))
         first, before = rank(base, found)[0], base.fit.log_evidence
         if first.name != NOTHING:
             # The base model gets the same chance to arrive as what is held against it.
@@ -116,6 +117,16 @@ def with_half_refitted(found: Singles, pairs: Sequence[Ranked]) -> Singles:
     half = max((one for one in found.fitted if one.name in pair.best.names), key=lambda one: one.fit.log_evidence)
     again = refit(half, pair.best.fit)
     return Singles(base=found.base, fitted=[again if one is half else one for one in found.fitted])
+
+
+def _higher(before: Sequence[Hypothesis], now: list[Hypothesis]) -> list[Hypothesis]:
+    """Return of every candidate the better of two fits; none may have been fitted before.
+
+    A second look, beside a better base model, need not come upon what the first one did.
+    """
+    if not before:
+        return now
+    return [max(pair, key=lambda one: one.fit.log_posterior) for pair in zip(before, now, strict=True)]
 
 
 def _once(pairs: Sequence[Hypothesis]) -> list[Hypothesis]:

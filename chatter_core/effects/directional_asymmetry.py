@@ -1,4 +1,4 @@
-"""x and y not alike: a machine whose column, rails or housing are stiffer one way than the other."""
+"""Stiffness that is not the same in x and y."""
 
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -11,21 +11,17 @@ from chatter_core.errors import InvalidInput
 from chatter_core.machine import Machine, Spindle
 from chatter_core.parameters import Array, Parameter
 from chatter_core.stages import KnownModes
-from chatter_core.tip import TipModes
-
-#: Ratios that are looked at one by one, to both sides: modes that part far enough leave the peaks they were fitted to.
-LOOKED_AT = (0.2, 0.45, 0.75, 1.05, 1.4)
+from chatter_core.tip import AXES, TipModes
 
 
 @dataclass(frozen=True, kw_only=True)
 class DirectionalAsymmetry(Effect):
-    """k_y / k_x = exp(a), of the modes at the tip, or of the bearing seats.
+    """k -> k exp(-a) along one axis, of the modes at the tip, or of the bearing seats.
 
-    Modes: k_y -> k_y exp(a) for all of them, masses and damping ratios unchanged, so w_y -> w_y exp(a/2). Seats: what
-    holds them gives one way, y for a < 0 and x for a > 0, as one and the same spring in series with the bearings of
-    each, 1/k -> 1/k + (exp|a| - 1) / k_0, where k_0 is the front seat's stiffness at the lowest speed, and a is met
-    there. Modes that move the shaft then differ, and those that bend the tool hardly do. Valid while the principal
-    directions are x and y.
+    Modes: all of that axis, masses and damping ratios unchanged, so w -> w exp(-a/2). Seats: what holds them gives
+    along that axis, as one and the same spring in series with the bearings of each, 1/k -> 1/k + (exp(a) - 1)/k_0,
+    where k_0 is the stiffness of the front seat's bearings at the lowest speed. Modes that move the shaft then differ,
+    and those that bend the tool hardly do. Valid while the principal directions are x and y.
 
     Source: none for the modes, the plainest law that tells the axes apart; Y. Altintas, Manufacturing Automation, 2nd
     ed. (2012), chapter 3 (springs in series). Rotors and their bearings alone are alike in both.
@@ -34,19 +30,20 @@ class DirectionalAsymmetry(Effect):
     """
 
     where: str
+    axis: str
 
     stage: ClassVar[str] = "tip_modes"
     changes: ClassVar[tuple[str, ...]] = ("modes", "cut")
-    scan: ClassVar[Scan | None] = Scan(
-        parameter="stiffness_ratio", values=(*(-ratio for ratio in LOOKED_AT), *LOOKED_AT)
-    )
+    # Soft modes move by some five per cent from one to the next: farther, and they leave the peaks that they were at.
+    scan: ClassVar[Scan | None] = Scan(parameter="stiffness_loss", values=tuple(0.1 * np.arange(1, 18)))
     settings: ClassVar[tuple[Setting, ...]] = (
-        Setting(name="where", doc="what has another stiffness in y than in x", choices=("modes", "seats")),
+        Setting(name="where", doc="what is softer along one axis", choices=("modes", "seats")),
+        Setting(name="axis", doc="the softer direction", choices=AXES),
     )
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
-            name="stiffness_ratio", unit="ln", doc="logarithm of the stiffness in y over that in x",
-            prior_width=0.3, lower=-2.0, upper=2.0,
+            name="stiffness_loss", unit="ln", doc="logarithm of the stiffness without the effect over that with it",
+            prior_width=0.3, lower=0.0, upper=2.0,
         ),
     )  # fmt: skip
 
@@ -62,27 +59,34 @@ class DirectionalAsymmetry(Effect):
                 [f"effects.{self.name()}.where: found 'seats', but this machine has measured tip modes; allowed: modes"]
             )
 
+    def repeats(self, machine: Machine) -> bool:
+        """Return whether it is of modes that a spindle explains: seats say the same of them, and why."""
+        return self.where == "modes" and machine.spindle is not None
+
     def transform(self, before: Any, machine: Machine, values: tuple[float, ...]) -> Any:
-        """Return the tip's modes or the seats' stiffness, unlike in x and y."""
-        (ratio,) = values
+        """Return the tip's modes or the seats' stiffness, less along one axis."""
+        (loss,) = values
+        axis = AXES.index(self.axis)
 
         def tip_modes(known: KnownModes, spindle_speed: Array, mode_count: int) -> TipModes:
             modes: TipModes = before(known, spindle_speed, mode_count)
-            factor = np.where(modes.axis == 1, np.exp(0.5 * ratio), 1.0)
+            factor = np.where(modes.axis == axis, np.exp(-0.5 * loss), 1.0)
             return replace(modes, natural_frequency=modes.natural_frequency * factor)
 
         def seat_stiffness(spindle: Spindle, state: BearingState) -> Array:
             stiffness = np.array(before(spindle, state))
-            softer = 1 if ratio < 0.0 else 0
-            compliance = np.expm1(abs(ratio)) / _front_at_rest(spindle, state, stiffness[softer])
-            stiffness[softer] /= 1.0 + compliance * stiffness[softer]
+            compliance = np.expm1(loss) / _front_at_rest(spindle, state)
+            stiffness[axis] /= 1.0 + compliance * stiffness[axis]
             return stiffness
 
         return seat_stiffness if self.where == "seats" else tip_modes
 
 
-def _front_at_rest(spindle: Spindle, state: BearingState, stiffness: Array) -> float:
-    """Return the front seat's stiffness at the lowest speed at which the bearings have an equilibrium [N/m]."""
-    front = int(np.argmin([seat.position for seat in spindle.bearings]))
-    lowest = int(np.argmax(state.solved))
-    return float(stiffness[lowest, front])
+def _front_at_rest(spindle: Spindle, state: BearingState) -> float:
+    """Return the stiffness of the front seat's bearings at the lowest speed at which they have an equilibrium [N/m].
+
+    The chain follows bearings from standstill, whatever speeds are asked for.
+    """
+    front = min(spindle.bearings, key=lambda seat: seat.position)
+    lowest = int(np.argmin(np.where(state.solved, state.spindle_speed, np.inf)))
+    return float(state.radial_stiffness[lowest] * front.count)

@@ -12,7 +12,7 @@ from chatter_core.evidence.candidates import Candidate, Hypothesis, carried, ext
 from chatter_core.evidence.comparison import Comparison
 from chatter_core.evidence.fit import Fit, free_parameters, maximise, result
 from chatter_core.evidence.newton import Climb, Maximum
-from chatter_core.evidence.parameters import Array
+from chatter_core.evidence.parameters import Array, log_prior
 from chatter_core.evidence.starts import (
     SMALLEST_PROMISE,
     Worth,
@@ -163,7 +163,10 @@ def _reached_at_rest(prospect: Prospect) -> Array | None:
     if before is None:
         return None
     assert isinstance(comparison, Comparison)
-    end = at_rest(comparison, prospect.at_null.values, prospect.candidates[-1])
+    fit, still = prospect.nested.hypothesis.fit, prospect.at_null.values
+    # The effect at its null has a prior's density, too, which no height without it knows.
+    before += log_prior(comparison.parameters, still) - log_prior(fit.parameters, fit.estimate)
+    end = at_rest(comparison, still, prospect.candidates[-1])
     return end.values if end is not None and end.log_posterior > before + LEAST_GAIN else None
 
 

@@ -30,9 +30,9 @@ def base():
     return Hypothesis(candidates=(), comparison=comparison, fit=calibrate(comparison))
 
 
-def at(base, name, **sizes):
+def at(base, name, variant=0, **sizes):
     """The base model with an effect of known size, as a fit that moved nothing else."""
-    effect = variants(name)[0]
+    effect = variants(name)[variant]
     candidate = Candidate(name=name, settings={}, term=effect, shapes=(), place=effect.place())
     comparison = extended(base.comparison, [candidate])
     values = carried(comparison, base.fit)
@@ -61,8 +61,8 @@ def test_ploughing_shows_in_slow_cuts_and_in_no_receptance(base):
 
 
 def test_asymmetry_shows_in_receptances_along_the_axes_and_best_at_rest_for_its_cost(base):
-    stiffer = at(base, "directional_asymmetry", stiffness_ratio=0.2)
-    found = next_receptances(base, stiffer)
+    softer = at(base, "directional_asymmetry", 1, stiffness_loss=0.2)
+    found = next_receptances(base, softer)
     across = [one for one in found if one.kind == "receptance x over y"]
     assert [one.expected_gain for one in across] == pytest.approx([0.0] * 3, abs=1e-9)
     along = [one for one in found if one.kind == "receptance y over y"]
