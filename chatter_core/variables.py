@@ -121,7 +121,7 @@ STRUCTURE: dict[str, Variable] = {
     "tracking_confidence": Variable(
         dims=(*_STRUCTURE, "mode"),
         dtype="f8",
-        doc="least modal assurance on the way from standstill (1: surely the same)",
+        doc="least modal assurance on the way from standstill (1: surely the same), of x and y the lesser",
     ),
 }
 

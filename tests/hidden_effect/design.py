@@ -11,7 +11,7 @@ import numpy as np
 from tests.hidden_effect.effects import FOREIGN, NAMED
 
 #: Seeds for choosing thresholds and temperatures, and seeds for a judgement each; no seed is in two of them. The second
-#: test is for a program that has seen the truth of the first.
+#: test is for programs that were changed because of what the first one showed.
 CALIBRATION_SEEDS = range(1000, 1200)
 TEST_SEEDS = range(5000, 5200)
 SECOND_TEST_SEEDS = range(6000, 6200)
@@ -26,7 +26,7 @@ KINDS = ("none",) * 5 + ("one",) * 11 + ("two",) * 2 + ("foreign",) * 2
 class Plan:
     """kind: none, one, two or foreign; effects: names; strengths: each 0 (weak) to 1 (strong).
 
-    second: whether it is of the second test, whose laws are none that the program has learned from.
+    second: whether it is of the second test, with other laws where the program's has become like the first one's.
     """
 
     kind: str
