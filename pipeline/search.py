@@ -8,8 +8,9 @@ from math import prod
 
 from chatter_core.evidence.assessment import Limits
 from chatter_core.evidence.candidates import Candidate, Hypothesis
-from chatter_core.evidence.pursuit import fit_hypothesis, ground, look, pursue, refit
+from chatter_core.evidence.pursuit import fit_hypothesis, ground, look, pursue, refit, refit_from
 from chatter_core.evidence.ranking import NOTHING, Ranked, rank
+from chatter_core.evidence.starts import other_shapes
 from chatter_core.evidence.verdict import leading_pair, not_ruled_out
 from pipeline.cluster import Workers
 from pipeline.jobs import Job, spread
@@ -59,12 +60,12 @@ def singles(workers: Workers | None, base: Hypothesis, candidates: Sequence[Cand
 
 
 def arrived(workers: Workers | None, found: Singles) -> Singles:
-    """Return the single effects, the most probable where no profile of its parameters ends above it.
+    """Return the single effects, the most probable where neither another shape nor a profile leads above it.
 
     The base model gets the same chance to arrive as what is held against it.
     """
     first = found.ranking[0].best
-    again, limits = profiled(workers, first)
+    again, limits = profiled(workers, _best_shape(workers, first))
     if again is first:
         return replace(found, intervals=limits)
     fitted = [again if one is first else one for one in found.fitted]
@@ -117,6 +118,14 @@ def with_half_refitted(found: Singles, pairs: Sequence[Ranked]) -> Singles:
     half = max((one for one in found.fitted if one.name in pair.best.names), key=lambda one: one.fit.log_evidence)
     again = refit(half, pair.best.fit)
     return Singles(base=found.base, fitted=[again if one is half else one for one in found.fitted])
+
+
+def _best_shape(workers: Workers | None, named: Hypothesis) -> Hypothesis:
+    """Return a hypothesis of one effect, fitted again from other shapes of it where one of them leads higher."""
+    starts = other_shapes(named.comparison, named.fit.estimate, named.candidates[-1])
+    jobs = [Job(name=f"{named.name}, from another shape", call=partial(refit_from, named, one)) for one in starts]
+    again: list[Hypothesis] = spread(workers, jobs)
+    return max([named, *again], key=lambda one: one.fit.log_posterior)
 
 
 def _higher(before: Sequence[Hypothesis], now: list[Hypothesis]) -> list[Hypothesis]:

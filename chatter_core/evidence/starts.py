@@ -4,7 +4,7 @@ A displaced resonance has no slope that would lead to it, so places are looked a
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ from chatter_core.evidence.parameters import Array, Evaluation, Parameter
 AMPLITUDES = (1.0, 0.3, 0.5, 2.0, 3.0)
 #: Shapes at which it is, in widths of theirs.
 SHAPES = (-1.2, -0.6, 0.0, 0.6, 1.2)
+#: Nearer to each other than this shapes are one, in widths of theirs.
+SAME_SHAPE = 0.3
 #: An effect that is heard is looked at where chatter was and the model is off by so many deviations; frequencies nearer
 #: to each other than this share are one, and so many of those that were heard most often count. The natural frequency
 #: lies beside, by some such share.
@@ -41,7 +43,8 @@ def promises(
 ) -> list[tuple[float, Array]]:
     """Return starts of an effect, and what each promises over its null [nats]; scanned: whether a scan is among them.
 
-    Each shape is looked at with the first strength, the best of them and of what is scanned with the others too.
+    Each shape is looked at with the first strength, the best of them and of what is scanned with the others too, and
+    all shapes again with the strength that was best.
 
     See docs/physics.md#diagnosis.
     """
@@ -49,11 +52,40 @@ def promises(
     first = starts_at(comparison, own, new, AMPLITUDES[:1], shapes)
     first += _scanned(new, comparison, own) if scanned else []
     found = [(worth.of(start), start) for start in first]
+
+    def add(starts: Iterable[Array]) -> None:
+        for start in starts:
+            if not any(np.array_equal(start, known_start) for _, known_start in found):
+                found.append((worth.of(start), start))
+
     best = sorted(found, key=lambda one: -one[0])[:CLIMBED]
-    others = [start for _, shaped in best for start in starts_at(comparison, shaped, new, AMPLITUDES[1:], ())]
-    for start in others:
-        if not any(np.array_equal(start, known_start) for _, known_start in found):
-            found.append((worth.of(start), start))
+    add(start for _, shaped in best for start in starts_at(comparison, shaped, new, AMPLITUDES[1:], ()))
+    _, strong = max(found, key=lambda one: one[0])
+    add(_shaped(comparison, strong, new, shapes))
+    return found
+
+
+def other_shapes(comparison: Comparison, values: Array, new: Candidate) -> list[Array]:
+    """Return values (parameter,) with other shapes of an effect than theirs; none of what chatter frequencies tell.
+
+    See docs/physics.md#diagnosis.
+    """
+    displacing = _displacing(new)
+    if displacing is None or new.heard == displacing.name:
+        return []
+    place = [parameter.name for parameter in comparison.parameters].index(displacing.name)
+    found = _shaped(comparison, values, new, shapes_of(new, comparison, None))
+    return [one for one in found if abs(one[place] - values[place]) > SAME_SHAPE * displacing.prior_width]
+
+
+def _shaped(comparison: Comparison, start: Array, new: Candidate, shapes: Sequence[float]) -> list[Array]:
+    """Return starts of one strength with each of the shapes."""
+    displacing = _displacing(new)
+    names = [parameter.name for parameter in comparison.parameters]
+    found = [start.copy() for _ in shapes]
+    for one, shape in zip(found, shapes, strict=True):
+        assert displacing is not None
+        one[names.index(displacing.name)] = _within(displacing, shape)
     return found
 
 

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chatter_core.evidence import CampaignModel
-from chatter_core.evidence.candidates import Candidate
+from chatter_core.evidence import CampaignModel, Comparison, base_model
+from chatter_core.evidence.candidates import Candidate, extended
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.pursuit import fit_hypothesis, ground, refit, refit_from
+from chatter_core.evidence.starts import other_shapes
 from tests.synthetic import RPM, campaign, tip_machine, trials
 from tests.unit.test_candidates import base_of, candidate
 
@@ -49,3 +50,17 @@ def test_the_search_ends_no_lower_than_a_fit_from_the_truth(new, speeds, true):
     assert ended.fit.log_posterior > base.fit.log_posterior + 9.0
     # Two climbs in a posterior with edges may differ by twice what its roughness is, one nat.
     assert found.fit.log_posterior > ended.fit.log_posterior - 2.0
+
+
+def test_what_is_named_is_climbed_to_from_its_other_shapes():
+    """All phases but the one that it stands at; of a frequency chatter tells, and a strength alone has no shape."""
+    plan = campaign(tip_machine(), trials=trials(SLOW[:8], np.full(8, 1e-3)))
+    for new, expected in ((candidate("tool_runout"), {-72.0, -36.0, 36.0, 72.0}), (ALONG, set()), (PITCH, set())):
+        comparison = extended(Comparison(model=base_model(plan)), [new])
+        names, values = [p.name for p in comparison.parameters], np.array([p.null for p in comparison.parameters])
+        values[names.index(new.amplitudes[0].name)] = 1e-4
+        shape = names.index(new.shapes[0]) if new.shapes else 0
+        values[shape] = 10.0
+        found = other_shapes(comparison, values, new)
+        assert {one[shape] for one in found} == expected
+        assert all(np.array_equal(np.delete(one, shape), np.delete(values, shape)) for one in found)
