@@ -34,8 +34,8 @@ class DirectionalAsymmetry(Effect):
 
     stage: ClassVar[str] = "tip_modes"
     changes: ClassVar[tuple[str, ...]] = ("modes", "cut")
-    # Soft modes move by some five per cent from one to the next: farther, and they leave the peaks that they were at.
-    scan: ClassVar[Scan | None] = Scan(parameter="stiffness_loss", values=tuple(0.1 * np.arange(1, 18)))
+    # Soft modes move by some seven per cent from one to the next: farther, and they leave the peaks that they were at.
+    scan: ClassVar[Scan | None] = Scan(parameter="stiffness_loss", values=tuple(0.15 * np.arange(1, 13)))
     settings: ClassVar[tuple[Setting, ...]] = (
         Setting(name="where", doc="what is softer along one axis", choices=("modes", "seats")),
         Setting(name="axis", doc="the softer direction", choices=AXES),

@@ -159,7 +159,8 @@ def _displacing(new: Candidate) -> Parameter | None:
 def chosen(comparison: Comparison, new: Candidate, promised: Sequence[tuple[float, Array]]) -> list[Array]:
     """Return the starts that are climbed from: those that promise most, and the best large one to each of two sides.
 
-    Of those that differ in nothing that is scanned, or in nothing of the effect, the best.
+    Of those that differ in nothing that is scanned, or in nothing of the effect, the best; of what is scanned, the
+    peaks: the second best of all lies beside the best, and leads nowhere else.
 
     See docs/physics.md#diagnosis.
     """
@@ -170,7 +171,7 @@ def chosen(comparison: Comparison, new: Candidate, promised: Sequence[tuple[floa
     for one in promised:
         key = tuple(one[1][own])
         best[key] = max(best.get(key, one), one, key=lambda found: found[0])
-    ordered = sorted(best.values(), key=lambda one: -one[0])
+    ordered = sorted(_peaks(best) if new.scan else best.values(), key=lambda one: -one[0])
     chosen = [start for promise, start in ordered[:CLIMBED] if promise >= SMALLEST_PROMISE]
     first = new.amplitudes[0]
     place, large = names.index(first.name), 0.999 * AMPLITUDES[0] * first.prior_width
@@ -179,6 +180,17 @@ def chosen(comparison: Comparison, new: Candidate, promised: Sequence[tuple[floa
         if of_side and not any(np.array_equal(of_side[0][1], start) for start in chosen):
             chosen.append(of_side[0][1])
     return chosen
+
+
+def _peaks(promised: dict[tuple[float, ...], tuple[float, Array]]) -> list[tuple[float, Array]]:
+    """Return starts by a scanned value of which neither neighbour promises more."""
+    line = [promised[value] for value in sorted(promised)]
+    aside = (-np.inf, np.empty(0))
+    return [
+        one
+        for before, one, behind in zip([aside, *line[:-1]], line, [*line[1:], aside], strict=True)
+        if one[0] >= max(before[0], behind[0])
+    ]
 
 
 class Worth:
