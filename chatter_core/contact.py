@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 #: Samples of the force in a mean pitch, and how much finer the motion is.
 SAMPLES, FINER = 32, 3
 #: Slices of a helical edge: parts of it that are in contact for themselves.
-SLICES = 3
+SLICES = 2
 #: Stretches of a revolution on which one edge follows one other, at most; the motion may part one into several.
 STRETCHES = 4
 #: Newton steps at most, halvings of one that does not come nearer, and of the interval in which a stretch ends.
