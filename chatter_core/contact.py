@@ -117,6 +117,8 @@ def periodic_answer(system: LinearSystem, period: Array, samples: int, finer: in
 
     The force comes once in a period (system,) [s] of so many samples; lag: time since then, so many times finer than
     samples; output and input axis [m/N].
+
+    See docs/physics.md#forced-motion.
     """
     half, step = system.half_spectrum, period[:, None] / samples
     turned = half.poles * step
