@@ -84,13 +84,13 @@ def forced_contact(
     points = len(lag)
     begin = np.zeros((points, count * slices, count, STRETCHES))
     end, found = np.zeros_like(begin), np.zeros(points, dtype=np.bool_)
-    motion = np.zeros((points, count * SAMPLES * FINER, 2))
+    motion = np.zeros((points, 2, count * SAMPLES * FINER))
     answer = periodic_answer(system, 2.0 * math.pi / speed, count * SAMPLES, FINER)
-    coarse = np.ascontiguousarray(answer[:, ::FINER])
+    coarse = answer[:, ::FINER]
     _meet(
-        answer,
-        coarse,
-        _between(coarse, passed * SAMPLES),
+        _twice(answer),
+        _twice(coarse),
+        _twice(_between(coarse, passed * SAMPLES)[..., -np.arange(count * SAMPLES), :, :]),
         system_index,
         lag,
         cut.axial_depth / slices,
@@ -108,7 +108,9 @@ def forced_contact(
         found,
     )
     return Contact(
-        passages=_listed(begin, end, ahead, passed, longer, slices, teeth.repeat), motion=motion, found=found
+        passages=_listed(begin, end, ahead, passed, longer, slices, teeth.repeat),
+        motion=motion.swapaxes(1, 2),
+        found=found,
     )
 
 
@@ -151,6 +153,15 @@ def _between(answer: Array, since: Array) -> Array:
     return result
 
 
+def _twice(answer: Array) -> Array:
+    """Return what is (.., time, output, input) and repeats twice over, as (.., output, input, time).
+
+    Compiled loops then run along times, wherever they begin.
+    """
+    once = np.moveaxis(answer, -3, -1)
+    return np.concatenate([once, once], axis=-1)
+
+
 def _listed(begin: Array, end: Array, ahead: Array, passed: Array, longer: Array, slices: int, repeat: int) -> Passages:
     """Return the stretches (point, edge, k, stretch) of the teeth until they repeat as passages, without empty ones."""
     kept = np.argwhere((end > begin).any(axis=0))
@@ -176,7 +187,7 @@ def _meet(  # type: ignore[no-untyped-def]
     motions, begin, end, found,
 ):  # fmt: skip
     """Fill in the motions, where each edge begins and ends to follow each other, and what was found."""
-    samples, teeth = answers.shape[1], len(ahead)
+    samples, teeth = answers.shape[-1] // 2, len(ahead)
     edges = begin.shape[1]
     slices = edges // teeth
     turn = 2.0 * math.pi
@@ -190,7 +201,7 @@ def _meet(  # type: ignore[no-untyped-def]
                 angle = (turn * j / samples + offset[e]) % turn
                 sine[e, j], cosine[e, j] = math.sin(angle), math.cos(angle)
                 weight[e, j] = _share_inside(angle, turn / samples, entry, leave)
-        force, motion = np.zeros((samples, 2)), np.empty((samples, 2))
+        force, motion = np.zeros((2, samples)), np.empty((2, samples))
         found[p] = _repeating(
             answers[system[p]], betweens[system[p]], depths[p] * tangentials[p], depths[p] * radials[p], sine, cosine,
             weight, passed, longer, feed, force, motion,
@@ -224,7 +235,7 @@ def _share_inside(angle, width, entry, leave):  # type: ignore[no-untyped-def]
 def _repeating(  # type: ignore[no-untyped-def]
     answer, between, tangential, radial, sine, cosine, weight, passed, longer, feed, force, motion,
 ):  # fmt: skip
-    """Find the force (sample, 2) that repeats, and return whether it was found; forces over chips [N/m].
+    """Find the force (2, sample) that repeats, and return whether it was found; forces over chips [N/m].
 
     At once, or else by cuts that become deeper, each from the motion of the one before.
     """
@@ -248,9 +259,9 @@ def _repeating(  # type: ignore[no-untyped-def]
 def _settled(  # type: ignore[no-untyped-def]
     answer, between, tangential, radial, sine, cosine, weight, passed, longer, feed, force, motion,
 ):  # fmt: skip
-    """Bring forces (sample, 2) that repeat from near to where they belong; return whether they have arrived."""
-    samples, edges = len(answer), len(sine)
-    other = np.empty((samples, 2))
+    """Bring forces (2, sample) that repeat from near to where they belong; return whether they have arrived."""
+    edges, samples = sine.shape
+    other = np.empty((2, samples))
     who, next_who = np.empty((edges, samples), np.int64), np.empty((edges, samples), np.int64)
     _move(answer, force, motion)
     far = _held_against(force, motion, tangential, radial, sine, cosine, weight, passed, longer, feed, who)
@@ -275,41 +286,43 @@ def _settled(  # type: ignore[no-untyped-def]
 
 @compiled
 def _move(answer, force, motion):  # type: ignore[no-untyped-def]
-    """Fill in the motion (time, 2) under forces (sample, 2) that repeat; the answer may be finer than samples."""
-    times = len(answer)
-    finer = times // len(force)
+    """Fill in the motion (2, time) under forces (2, sample) that repeat; the answer may be finer than samples."""
+    times = motion.shape[1]
+    finer = times // force.shape[1]
     motion[:] = 0.0
-    for sample in range(len(force)):
-        along, across = force[sample, 0], force[sample, 1]
+    for sample in range(force.shape[1]):
+        along, across = force[0, sample], force[1, sample]
         if along == 0.0 and across == 0.0:
             continue
-        source = sample * finer
-        for j in range(times):
-            one = answer[j - source if j >= source else j - source + times]
-            motion[j, 0] += one[0, 0] * along + one[0, 1] * across
-            motion[j, 1] += one[1, 0] * along + one[1, 1] * across
+        since = slice(times - sample * finer, 2 * times - sample * finer)
+        for axis in range(2):
+            by_along, by_across, moved = answer[axis, 0][since], answer[axis, 1][since], motion[axis]
+            for j in range(times):
+                moved[j] += by_along[j] * along + by_across[j] * across
 
 
 @compiled
-def _before(motion, place, axis):  # type: ignore[no-untyped-def]
+def _at(motion, place):  # type: ignore[no-untyped-def]
     """Return the motion at a place between samples, linear between them."""
-    samples = len(motion)
-    low = math.floor(place)
-    part = place - low
-    return (1.0 - part) * motion[low % samples, axis] + part * motion[(low + 1) % samples, axis]
+    samples = motion.shape[1]
+    whole = math.floor(place)
+    part = place - whole
+    low = whole % samples
+    high = low + 1 if low + 1 < samples else 0
+    left = 1.0 - part
+    return left * motion[0, low] + part * motion[0, high], left * motion[1, low] + part * motion[1, high]
 
 
 @compiled
 def _least(motion, place, sine, cosine, passed, longer, feed):  # type: ignore[no-untyped-def]
     """Return the least chip at a place of the revolution, and of which tooth before it is; pitches passed (k,)."""
-    samples, teeth = len(motion), len(passed)
-    per_pitch = samples / teeth
-    now_x, now_y = _before(motion, place, 0), _before(motion, place, 1)
+    teeth = len(passed)
+    per_pitch = motion.shape[1] / teeth
+    now_x, now_y = _at(motion, place)
     least, which = np.inf, 0
     for k in range(teeth):
-        then = place - passed[k] * per_pitch
-        moved = sine * (now_x - _before(motion, then, 0)) + cosine * (now_y - _before(motion, then, 1))
-        chip = feed * passed[k] * sine + longer[k] + moved
+        then_x, then_y = _at(motion, place - passed[k] * per_pitch)
+        chip = feed * passed[k] * sine + longer[k] + sine * (now_x - then_x) + cosine * (now_y - then_y)
         if chip < least:
             least, which = chip, k
     return least, which
@@ -334,7 +347,7 @@ def _held_against(  # type: ignore[no-untyped-def]
                     who[e, j] = k
                     along -= weight[e, j] * (tangential * c + radial * s) * chip
                     across += weight[e, j] * (tangential * s - radial * c) * chip
-        off = max(off, abs(along - force[j, 0]), abs(across - force[j, 1]))
+        off = max(off, abs(along - force[0, j]), abs(across - force[1, j]))
     return off
 
 
@@ -342,15 +355,11 @@ def _held_against(  # type: ignore[no-untyped-def]
 def _forces(  # type: ignore[no-untyped-def]
     between, tangential, radial, sine, cosine, weight, passed, longer, feed, who,
 ):  # fmt: skip
-    """Return the forces (sample, 2) that repeat while who cuts what is held."""
+    """Return the forces (2, sample) that repeat while who cuts what is held."""
     edges, samples = sine.shape
     slices = edges // len(passed)
-    places = np.empty(samples, np.int64)
-    count = 0
-    for j in range(samples):
-        if who[:, j].max() >= 0:
-            places[count] = j
-            count += 1
+    places, runs = _in_cut(who)
+    count = len(places)
     matrix, right = np.eye(2 * count), np.zeros(2 * count)
     for r in range(count):
         j = places[r]
@@ -362,28 +371,53 @@ def _forces(  # type: ignore[no-untyped-def]
             along = -weight[e, j] * (tangential * c + radial * s)
             across = weight[e, j] * (tangential * s - radial * c)
             chip = feed * passed[tooth, k] * s + longer[tooth, k]
-            right[2 * r] += along * chip
-            right[2 * r + 1] += across * chip
-            moved = between[tooth, k]
-            for q in range(count):
-                since = j - places[q]
-                if since < 0:
-                    since += samples
-                for axis in range(2):
-                    chip = s * moved[since, 0, axis] + c * moved[since, 1, axis]
-                    matrix[2 * r, 2 * q + axis] -= along * chip
-                    matrix[2 * r + 1, 2 * q + axis] -= across * chip
+            right[r] += along * chip
+            right[count + r] += across * chip
+            for axis in range(2):
+                moved_x, moved_y = between[tooth, k, 0, axis], between[tooth, k, 1, axis]
+                row_along, row_across = matrix[r], matrix[count + r]
+                for run in range(len(runs)):
+                    first, size = runs[run, 0], runs[run, 1] - runs[run, 0]
+                    since = places[first] - j + samples
+                    column = axis * count + first
+                    x, y = moved_x[since : since + size], moved_y[since : since + size]
+                    to_along, to_across = row_along[column : column + size], row_across[column : column + size]
+                    for q in range(size):
+                        chip = s * x[q] + c * y[q]
+                        to_along[q] -= along * chip
+                        to_across[q] -= across * chip
     solved = np.linalg.solve(matrix, right)
-    force = np.zeros((samples, 2))
+    force = np.zeros((2, samples))
     for r in range(count):
-        force[places[r], 0], force[places[r], 1] = solved[2 * r], solved[2 * r + 1]
+        force[0, places[r]], force[1, places[r]] = solved[r], solved[count + r]
     return force
+
+
+@compiled
+def _in_cut(who):  # type: ignore[no-untyped-def]
+    """Return the samples at which an edge cuts (place,), and where runs of neighbours begin and end (run, 2)."""
+    edges, samples = who.shape
+    places, runs = np.empty(samples, np.int64), np.empty((samples, 2), np.int64)
+    count, many = 0, 0
+    for j in range(samples):
+        cuts = False
+        for e in range(edges):
+            cuts = cuts or who[e, j] >= 0
+        if not cuts:
+            continue
+        if count == 0 or places[count - 1] != j - 1:
+            runs[many, 0] = count
+            many += 1
+        places[count] = j
+        count += 1
+        runs[many - 1, 1] = count
+    return places[:count], runs[:many]
 
 
 @compiled
 def _follow(motion, offset, passed, longer, feed, entry, leave, begin, end):  # type: ignore[no-untyped-def]
     """Fill in the angles (k, stretch) between which an edge follows the k-th tooth before it."""
-    samples = len(motion)
+    samples = motion.shape[1]
     pieces = math.ceil((leave - entry) * samples / (2.0 * math.pi))
     filled = np.zeros(len(passed), np.int64)
     low = entry
@@ -421,6 +455,6 @@ def _note(k, start, stop, filled, begin, end):  # type: ignore[no-untyped-def]
 @compiled
 def _whom(motion, angle, offset, passed, longer, feed):  # type: ignore[no-untyped-def]
     """Return whom an edge follows at an angle, -1 where it cuts nothing."""
-    place = (angle - offset) * len(motion) / (2.0 * math.pi)
+    place = (angle - offset) * motion.shape[1] / (2.0 * math.pi)
     chip, k = _least(motion, place, math.sin(angle), math.cos(angle), passed, longer, feed)
     return k if chip > 0.0 else -1

@@ -1,7 +1,7 @@
 """What is missing in a model: every candidate is fitted to a campaign, and one of five answers given."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 
 import numpy as np
@@ -21,6 +21,7 @@ from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.evidence.ranking import NOTHING, Ranked
 from chatter_core.evidence.scores import Score
 from chatter_core.evidence.verdict import Verdict, decide, failed_checks, leading_pair, not_ruled_out, tied_pairs
+from chatter_core.stages import Stages
 from pipeline.campaigns import settings_of
 from pipeline.cluster import Workers
 from pipeline.corrections import Corrections
@@ -30,6 +31,8 @@ from pipeline.search import Singles, arrived, pairs_of, singles, with_half_refit
 
 #: Effects that restore what a base model was asked to leave out.
 RESTORING = {"speed_dependent_bearing": "base", "higher_modes": "modes"}
+#: The place in the chain of effects that make teeth unequal.
+PLACE_OF_TEETH = [field.name for field in fields(Stages)].index("teeth")
 #: Verdicts after which the best effect belongs to the model, although others may be tied with it.
 SUPPORTED = ("effect", "ambiguous")
 #: Of the ranking, so many are shown.
@@ -149,7 +152,7 @@ def check_enough(model: CampaignModel) -> None:
 def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
     """Return every effect that the model lacks and that can act on its machine, in all its variants.
 
-    Those that act last in the chain come first: unequal teeth take longest, and no worker should be left with them.
+    Unequal teeth take longest and come first, then what acts last in the chain: no worker should be left with them.
     """
     found = [
         Candidate(
@@ -165,7 +168,13 @@ def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
         for effect in variants(name, content.effects_path)
         if not _hindrance(effect, model) and not effect.repeats(model.campaign.machine)
     ]
-    return sorted(found, key=lambda candidate: candidate.place, reverse=True)
+    return sorted(found, key=_cost_order)
+
+
+def _cost_order(candidate: Candidate) -> tuple[bool, int, str]:
+    """Return what sorts candidates by how long they take, the longest first."""
+    place, name = candidate.place
+    return place != PLACE_OF_TEETH, -place, name
 
 
 def not_tried(model: CampaignModel, content: Content) -> dict[str, str]:

@@ -8,7 +8,7 @@ from math import prod
 
 from chatter_core.evidence.assessment import Limits
 from chatter_core.evidence.candidates import Candidate, Hypothesis
-from chatter_core.evidence.pursuit import fit_hypothesis, ground, look, pursue, refit, refit_from
+from chatter_core.evidence.pursuit import approached_from, fit_hypothesis, ground, look, pursue, refit
 from chatter_core.evidence.ranking import NOTHING, Ranked, rank
 from chatter_core.evidence.starts import other_shapes
 from chatter_core.evidence.verdict import leading_pair, not_ruled_out
@@ -123,7 +123,7 @@ def with_half_refitted(found: Singles, pairs: Sequence[Ranked]) -> Singles:
 def _best_shape(workers: Workers | None, named: Hypothesis) -> Hypothesis:
     """Return a hypothesis of one effect, fitted again from other shapes of it where one of them leads higher."""
     starts = other_shapes(named.comparison, named.fit.estimate, named.candidates[-1])
-    jobs = [Job(name=f"{named.name}, from another shape", call=partial(refit_from, named, one)) for one in starts]
+    jobs = [Job(name=f"{named.name}, from another shape", call=partial(approached_from, named, one)) for one in starts]
     again: list[Hypothesis] = spread(workers, jobs)
     return max([named, *again], key=lambda one: one.fit.log_posterior)
 

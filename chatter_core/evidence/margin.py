@@ -59,7 +59,7 @@ def followed_margins(
 
     A Newton step from each crossing; what had none in reach, or no answer, has none now. For differences
     between neighbouring models, which move a crossing by a few thousandths. Where one moves farther than
-    FARTHEST everything is looked for anew.
+    FARTHEST, all of its curve is looked for anew.
 
     See docs/physics.md#margin.
     """
@@ -74,13 +74,14 @@ def followed_margins(
     at, beside = np.split(growth(np.tile(on, 2), np.concatenate([before, before + SLOPE_STEP])), 2)
     with np.errstate(divide="ignore", invalid="ignore"):
         step = -at * SLOPE_STEP / (beside - at)
-    if not np.all(np.abs(step) <= FARTHEST):
-        return margins(growth, curve, place)
     moved = step[which.ravel()]
     followed, after = margin.copy(), crossing.copy()
     after[known] += moved
     # The side on which the cut lies changes smoothly when the crossing passes through it.
     followed[known] += np.where(margin[known] * crossing[known] > 0.0, moved, -moved)
+    anew = np.flatnonzero(np.isin(curve, on[~(np.abs(step) <= FARTHEST)]))
+    if len(anew):
+        followed[anew], after[anew] = margins(growth, curve[anew], place[anew])
     return followed, after
 
 

@@ -28,6 +28,8 @@ from chatter_core.evidence.unbent import at_rest, has_bent, unbent, unseen_start
 LEAST_GAIN = 1.0
 #: What is ranked need not be known better than this [nats].
 LEFT_GAIN = 0.01
+#: What comes so near to a fit that is known may end above it [nats].
+WORTH_AN_END = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,6 +219,18 @@ def refit(hypothesis: Hypothesis, start: Fit) -> Hypothesis:
     See docs/physics.md#diagnosis.
     """
     return refit_from(hypothesis, carried(hypothesis.comparison, start))
+
+
+def approached_from(hypothesis: Hypothesis, start: Array) -> Hypothesis:
+    """Fit a hypothesis again from values (parameter,) that may lead nowhere; the better one is returned.
+
+    It is climbed to its end where it comes near what is known.
+
+    See docs/physics.md#diagnosis.
+    """
+    comparison, known = hypothesis.comparison, hypothesis.fit.log_posterior
+    end = Climb(comparison, ~hypothesis.fit.fixed).approach(start, START_GAIN, None, None, known)
+    return refit_from(hypothesis, end.values) if end.log_posterior > known - WORTH_AN_END else hypothesis
 
 
 def refit_from(hypothesis: Hypothesis, start: Array) -> Hypothesis:

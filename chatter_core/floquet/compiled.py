@@ -216,16 +216,13 @@ def _lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Elemen
     """
     seen = equation.system.half_spectrum.seen
     if equation.velocity_gain:
-        layout, look_back = delays.lay_out(equation, refinement)
-        fastest = equation.system.fastest_pole
-        velocity = sum(gain(layout.node_time) for gain in equation.velocity_gain)
-        velocity = velocity * fastest[equation.system_index][:, None, None, None, None]
-        velocity[~layout.acts] = 0.0
+        layout, look_back, velocity = delays.lay_out(equation, refinement)
+        velocity = velocity * equation.system.fastest_pole[equation.system_index][:, None, None, None, None]
         gain = np.concatenate([look_back.gain.sum(axis=2), velocity], axis=-1)
         wide = np.concatenate([look_back.gain, np.zeros_like(look_back.gain)], axis=-1)
         return layout, gain, replace(look_back, gain=wide), equation.system.seen_with_velocities
     if not delays.is_one_period(equation):
-        layout, look_back = delays.lay_out(equation, refinement)
+        layout, look_back, _ = delays.lay_out(equation, refinement)
         return layout, look_back.gain.sum(axis=2), look_back, seen
     layout, _, gain = collocation.lay_out(equation, refinement)
     none = (*layout.piece.shape, 0, NODES)

@@ -4,6 +4,11 @@ With teeth that differ, one after the other, the period is a revolution and each
 A delayed output w(t - tau_l) is the polynomial through the nodes of the element that t - tau_l lies in:
 one already passed in this period, or one of the period before. Where a breakpoint comes back after a
 delay the period is broken too, so that no element looks back across a jump of a gain.
+
+Runout leaves many slivers of contact, and an element each would cost more than they are worth. Pieces that are short
+for an element are one with what follows, and at the nodes a gain there is what keeps its integrals against
+polynomials: a force K d with a smooth d then does what it should to the end of the element, and is off between by the
+square of what is short.
 """
 
 from collections.abc import Iterator
@@ -15,13 +20,17 @@ from numpy.typing import NDArray
 from chatter_core.errors import UnsupportedEquation
 from chatter_core.floquet import collocation
 from chatter_core.floquet.collocation import NODES, Elements
-from chatter_core.floquet.equation import Array, DelayEquation
+from chatter_core.floquet.equation import Array, DelayEquation, Gain
 from chatter_core.jit import compiled
 
 #: A delay may exceed the period by this share: by rounding.
 DELAY_TOLERANCE = 1e-12
 #: Breakpoints nearer to each other than this share of the period are one: by rounding, or too near to be seen.
 BREAK_TOLERANCE = 1e-10
+#: Pieces shorter than this share of the longest element allowed are one with what follows: ln|mu| is off by 1e-4 then.
+SHORT = 0.1
+#: What is nearer to an end of an element than this share of its length is there: by rounding.
+ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,8 +57,42 @@ def is_one_period(equation: DelayEquation) -> bool:
     return len(delays) == 1 and bool(np.all(np.abs(delays[0] - equation.period) <= DELAY_TOLERANCE * equation.period))
 
 
-def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Elements, LookBack]:
-    """Return the elements of every point and where their nodes look back to.
+@dataclass(frozen=True, kw_only=True)
+class _Broken:
+    """A period with its breakpoints, and those of them that part elements.
+
+    smooth_from: (point, breakpoint), where a gain may not be smooth, and breakpoints: (point, piece), where pieces
+    begin, both ascending; piece: (point, breakpoint), in which one that smooth_from names, and what follows, lies.
+    """
+
+    smooth_from: Array
+    breakpoints: Array
+    piece: NDArray[np.intp]
+
+    def acting(self, gain: Gain, period: Array) -> NDArray[np.bool_]:
+        """Return the pieces (point, piece) in which a gain acts."""
+        result = np.zeros(self.breakpoints.shape, dtype=bool)
+        point, within = np.nonzero(collocation.acting_pieces(gain, self.smooth_from, period))
+        result[point, self.piece[point, within]] = True
+        return result
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Parts:
+    """Elements in the cut, parted where a gain is not smooth: start, length [s] and element (point, part).
+
+    What is filled up has no length.
+    """
+
+    start: Array
+    length: Array
+    element: NDArray[np.intp]
+
+
+def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Elements, LookBack, Array]:
+    """Return the elements of every point, where their nodes look back to, and the gain on velocities at the nodes.
+
+    That gain is (point, element, node, input, output).
 
     Raises UnsupportedEquation when a delay is not positive or longer than the period, and as
     ``collocation.break_up`` does.
@@ -60,13 +103,60 @@ def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Element
     period = equation.period[:, None]
     if not np.all((delays > 0.0) & (delays <= (1.0 + DELAY_TOLERANCE) * period)):
         raise UnsupportedEquation("delays must be positive and at most the period")
-    breakpoints = _distinct(
+    longest = collocation.LONGEST_ELEMENT * delays.min(axis=1)
+    broken = _broken(equation, _short(equation, refinement, longest))
+    holds = _pieces_with_nodes(equation, broken, delays)
+    layout = collocation.break_up(equation, refinement, broken.breakpoints, holds, longest[:, None])
+    parts = _parts(layout, broken.smooth_from)
+    velocity = np.zeros((*layout.piece.shape, NODES, *_couples(equation)))
+    for gain in equation.velocity_gain:
+        velocity += _at_nodes(gain, layout, parts, _couples(equation))
+    return layout, _look_back(equation, layout, parts, delays), velocity
+
+
+def _couples(equation: DelayEquation) -> tuple[int, int]:
+    """Return the numbers of inputs and outputs."""
+    return equation.system.input_matrix.shape[-1], equation.system.output_matrix.shape[-2]
+
+
+def _short(equation: DelayEquation, refinement: Array | float, longest: Array) -> Array:
+    """Return below which length (point,) [s] a piece is one with what follows."""
+    fastest = equation.system.fastest_pole[equation.system_index]
+    allowed = np.minimum(2.0 * np.pi * collocation.WAVES_PER_ELEMENT / fastest, longest)
+    return np.asarray(SHORT * allowed / refinement)
+
+
+def _broken(equation: DelayEquation, short: Array) -> _Broken:
+    """Return where the period is broken; short: (point,) [s]."""
+    period = equation.period[:, None]
+    smooth_from = _distinct(
         np.concatenate([equation.breakpoints, *_returning(equation)], axis=1), BREAK_TOLERANCE * period, period
     )
-    holds = _pieces_with_nodes(equation, breakpoints, delays)
-    longest = collocation.LONGEST_ELEMENT * delays.min(axis=1, keepdims=True)
-    layout = collocation.break_up(equation, refinement, breakpoints, holds, longest)
-    return layout, _look_back(equation, layout, delays)
+    piece = np.zeros(smooth_from.shape, dtype=np.intp)
+    breakpoints = np.empty_like(smooth_from)
+    count = _part(smooth_from, short, breakpoints, piece)
+    # The last of the breakpoints, repeated where a point has fewer than others, begins the piece around the end.
+    last = piece == piece[:, -1:]
+    piece[last] = count - 1
+    return _Broken(smooth_from=smooth_from, breakpoints=breakpoints[:, :count], piece=piece)
+
+
+@compiled
+def _part(smooth_from, short, breakpoints, piece):  # type: ignore[no-untyped-def]
+    """Fill breakpoints that are not short of each other, the last repeated; return how many a point has at most."""
+    most = 0
+    for p in range(len(smooth_from)):
+        count, latest = 1, smooth_from[p, 0]
+        breakpoints[p, 0] = latest
+        for q in range(1, smooth_from.shape[1]):
+            if smooth_from[p, q] - latest >= short[p]:
+                latest = smooth_from[p, q]
+                breakpoints[p, count] = latest
+                count += 1
+            piece[p, q] = count - 1
+        breakpoints[p, count:] = latest
+        most = max(most, count)
+    return most
 
 
 def _returning(equation: DelayEquation) -> Iterator[Array]:
@@ -94,16 +184,16 @@ def _distinct(breakpoints: Array, tolerance: Array, period: Array) -> Array:
     return distinct
 
 
-def _pieces_with_nodes(equation: DelayEquation, breakpoints: Array, delays: Array) -> NDArray[np.bool_]:
+def _pieces_with_nodes(equation: DelayEquation, broken: _Broken, delays: Array) -> NDArray[np.bool_]:
     """Return the pieces (point, piece) in which a gain acts or that an acting one looks back into."""
-    length = collocation.piece_lengths(breakpoints, equation.period)
+    length = collocation.piece_lengths(broken.breakpoints, equation.period)
     period = equation.period[:, None]
-    begin = breakpoints - breakpoints[:, :1]
-    holds = np.zeros(breakpoints.shape, dtype=bool)
+    begin = broken.breakpoints - broken.breakpoints[:, :1]
+    holds = np.zeros(begin.shape, dtype=bool)
     for gain in equation.velocity_gain:
-        holds |= collocation.acting_pieces(gain, breakpoints, equation.period)
+        holds |= broken.acting(gain, equation.period)
     for term, feedback in enumerate(equation.feedback):
-        acts = collocation.acting_pieces(feedback.gain, breakpoints, equation.period)
+        acts = broken.acting(feedback.gain, equation.period)
         holds |= acts
         origin = np.mod(begin - delays[:, term, None], period)
         for turn in (0.0, 1.0):  # what an origin overlaps before and after the period's end
@@ -113,10 +203,47 @@ def _pieces_with_nodes(equation: DelayEquation, breakpoints: Array, delays: Arra
     return holds
 
 
-def _look_back(equation: DelayEquation, layout: Elements, delays: Array) -> LookBack:
-    time = layout.node_time
-    gain = np.stack([feedback.gain(time) for feedback in equation.feedback], axis=2)
-    gain[~layout.acts] = 0.0
+def _parts(layout: Elements, smooth_from: Array) -> _Parts:
+    """Return the elements in the cut, parted where a gain is not smooth."""
+    points, elements = layout.piece.shape
+    start, length = np.zeros((2, points, elements + smooth_from.shape[1]))
+    element = np.zeros(start.shape, dtype=np.intp)
+    most = _fill_parts(layout.start, layout.length, layout.acts, smooth_from, start, length, element)
+    return _Parts(start=start[:, :most], length=length[:, :most], element=element[:, :most])
+
+
+@compiled
+def _fill_parts(  # type: ignore[no-untyped-def]
+    element_start, element_length, acts, smooth_from, start, length, element
+):
+    """Fill the parts of all elements that act, in turn; return how many a point has at most."""
+    most = 0
+    for p in range(len(acts)):
+        count, following = 0, 0
+        for e in range(acts.shape[1]):
+            if not acts[p, e]:
+                continue
+            begin, end = element_start[p, e], element_start[p, e] + element_length[p, e]
+            # What is nearer to an end than rounding is the end.
+            rounding = ROUNDING * element_length[p, e]
+            while following < smooth_from.shape[1] and smooth_from[p, following] <= begin + rounding:
+                following += 1
+            while begin < end:
+                stop = end
+                if following < smooth_from.shape[1] and smooth_from[p, following] < end - rounding:
+                    stop = smooth_from[p, following]
+                start[p, count], length[p, count], element[p, count] = begin, stop - begin, e
+                count += 1
+                begin = stop
+                while following < smooth_from.shape[1] and smooth_from[p, following] <= begin:
+                    following += 1
+        most = max(most, count)
+    return most
+
+
+def _look_back(equation: DelayEquation, layout: Elements, parts: _Parts, delays: Array) -> LookBack:
+    time, couples = layout.node_time, _couples(equation)
+    gain = np.stack([_at_nodes(feedback.gain, layout, parts, couples) for feedback in equation.feedback], axis=2)
     # Of many teeth few cut at once: the terms that act in an element come first, and what acts nowhere is left out.
     acts = np.any(gain != 0.0, axis=(3, 4, 5))
     order = np.argsort(~acts, axis=2, kind="stable")[:, :, : max(1, acts.sum(axis=2).max())]
@@ -127,6 +254,46 @@ def _look_back(equation: DelayEquation, layout: Elements, delays: Array) -> Look
     element, weight = np.empty(earlier.shape, dtype=np.intp), np.empty((*earlier.shape, NODES))
     _interpolate(layout.start, layout.length, earlier, collocation.lagrange_powers(), element, weight)
     return LookBack(element=element, past=past, weight=weight, gain=gain)
+
+
+def _at_nodes(gain: Gain, layout: Elements, parts: _Parts, couples: tuple[int, int]) -> Array:
+    """Return what stands for a gain at the nodes (point, element, node, input, output), zero where none acts.
+
+    Its integrals against the nodes' polynomials, over the nodes' weights: the gain itself where that is smooth.
+    """
+    nodes, weights = collocation.gauss(NODES)
+    result = np.zeros((*layout.piece.shape, NODES, *couples))
+    value = gain(parts.start[..., None] + parts.length[..., None] * nodes)
+    _add_integrals(
+        parts.start, parts.length, parts.element, layout.start, layout.length, nodes, weights,
+        collocation.lagrange_powers(), value, result,
+    )  # fmt: skip
+    return result
+
+
+@compiled
+def _add_integrals(  # type: ignore[no-untyped-def]
+    start, length, element, element_start, element_length, nodes, weights, powers, value, result
+):
+    """Add up integrals of values at the nodes of parts (point, part, node, ..) against the polynomials of elements."""
+    count = len(nodes)
+    for p in range(len(start)):
+        for s in range(start.shape[1]):
+            if length[p, s] == 0.0:
+                continue
+            e = element[p, s]
+            share = length[p, s] / element_length[p, e]
+            offset = (start[p, s] - element_start[p, e]) / element_length[p, e]
+            for q in range(count):
+                place = offset + share * nodes[q]
+                for n in range(count):
+                    factor = 0.0
+                    for power in range(count - 1, -1, -1):
+                        factor = factor * place + powers[n, power]
+                    factor *= share * weights[q] / weights[n]
+                    for i in range(value.shape[3]):
+                        for o in range(value.shape[4]):
+                            result[p, e, n, i, o] += factor * value[p, s, q, i, o]
 
 
 @compiled
