@@ -14,6 +14,7 @@ from chatter_core.evidence.assessment import Assessment, Limits, Version, versio
 from chatter_core.evidence.belief import Belief, fitted
 from chatter_core.evidence.candidates import Candidate, Hypothesis, extended, slope_of
 from chatter_core.evidence.failures import Failure
+from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.next_measurement import NextMeasurement
 from chatter_core.evidence.next_trial import NextTrial
 from chatter_core.evidence.power import Power, power
@@ -223,17 +224,18 @@ def check_own(comparison: Comparison, candidates: Sequence[Candidate]) -> None:
 
 
 def diagnose(
-    workers: Workers | None, model: CampaignModel, belief: Belief, content: Content, start: Belief | None = None
+    workers: Workers | None, model: CampaignModel, belief: Belief, content: Content, fitted_before: Fit | None = None
 ) -> Diagnosis:
     """Return what is missing in a model: the ranking and the verdict.
 
-    belief: what is known of its parameters before the campaign; start: where calibrations with all data start, there
-    unless something better is known.
+    belief: what is known of its parameters before the campaign; fitted_before: its fit to all data, where known.
     """
     comparison, candidates = Comparison(model=model), candidates_of(model, content)
     check_own(comparison, candidates)
-    known = (start or belief).about(model).estimate
-    (fit,) = spread(workers, [Job(name="base model", call=partial(calibrate, comparison, start=known))])
+    fit = fitted_before
+    if fit is None:
+        start = belief.about(model).estimate
+        (fit,) = spread(workers, [Job(name="base model", call=partial(calibrate, comparison, start=start))])
     base = Hypothesis(candidates=(), comparison=comparison, fit=fit)
     found = singles(workers, base, candidates)
     diagnosis = _decided(workers, found, candidates, content)

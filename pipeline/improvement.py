@@ -7,8 +7,9 @@ import pandas as pd
 
 from chatter_core.evidence import CampaignModel, Comparison
 from chatter_core.evidence.assessment import Assessment, Version, as_described, version
-from chatter_core.evidence.belief import Belief, fitted
+from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.candidates import Hypothesis
+from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.held_out import groups
 from chatter_core.evidence.ranking import NOTHING
 from chatter_core.evidence.scores import ERRORS, Score
@@ -68,9 +69,10 @@ def improve(workers: Workers | None, asked: Asked) -> Improvement:
     model, belief, content = asked.model, asked.belief, asked.content
     rows = [row_as_described(model, belief, unseen=asked.unseen)]
     diagnoses: list[Diagnosis] = []
-    start, of_base = belief, None
+    known: Fit | None = None
+    of_base: dict[str, Score] | None = None
     while True:
-        found = completed(workers, diagnose(workers, model, belief, content, start), belief, of_base)
+        found = completed(workers, diagnose(workers, model, belief, content, known), belief, of_base)
         if not diagnoses:
             rows.append(_row("calibrated", found.version(found.base), found.held_out.get(NOTHING, {})))
         diagnoses.append(found)
@@ -79,7 +81,7 @@ def improve(workers: Workers | None, asked: Asked) -> Improvement:
             break
         content = found.supported_content
         rows.append(_row(" + ".join(content.effects), found.version(best), found.held_out.get(best.name, {})))
-        model, start = model_of(model.campaign, content), fitted(best.fit)
+        model, known = model_of(model.campaign, content), best.fit
         of_base = found.held_out.get(best.name)
     added = tuple(name for name in content.effects if name not in asked.content.effects)
     return Improvement(
