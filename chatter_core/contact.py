@@ -37,8 +37,10 @@ SLICES = 2
 STRETCHES = 4
 #: Newton steps at most, halvings of one that does not come nearer, and of the interval in which a stretch ends.
 STEPS, HALVINGS, BISECTIONS = 16, 5, 32
-#: Depths on the way to a motion that is not found at once, one set after the other.
-LADDERS = (1, 4, 16)
+#: The motion is first followed from none at so many depths, with Newton steps at each and samples in a mean pitch.
+RUNGS, RUNG_STEPS, COARSE = 8, 4, 8
+#: Depths on the way to a motion that is not found from there, one set after the other.
+LADDERS = (16, 1, 4)
 #: Forces that are off by this share of the largest have arrived: rounding.
 ARRIVED = 1e-9
 
@@ -86,11 +88,11 @@ def forced_contact(
     end, found = np.zeros_like(begin), np.zeros(points, dtype=np.bool_)
     motion = np.zeros((points, 2, count * SAMPLES * FINER))
     answer = periodic_answer(system, 2.0 * math.pi / speed, count * SAMPLES, FINER)
-    coarse = answer[:, ::FINER]
+    coarse = periodic_answer(system, 2.0 * math.pi / speed, count * COARSE)
     _meet(
         _twice(answer),
-        _twice(coarse),
-        _twice(_between(coarse, passed * SAMPLES)[..., -np.arange(count * SAMPLES), :, :]),
+        *_answers(answer[:, ::FINER], passed * SAMPLES),
+        *_answers(coarse, passed * COARSE),
         system_index,
         lag,
         cut.axial_depth / slices,
@@ -153,6 +155,11 @@ def _between(answer: Array, since: Array) -> Array:
     return result
 
 
+def _answers(answer: Array, since: Array) -> tuple[Array, Array]:
+    """Return the answer to a force, and between two times to one that is so much later, as compiled loops want it."""
+    return _twice(answer), _twice(_between(answer, since)[..., -np.arange(answer.shape[1]), :, :])
+
+
 def _twice(answer: Array) -> Array:
     """Return what is (.., time, output, input) and repeats twice over, as (.., output, input, time).
 
@@ -183,28 +190,28 @@ def _listed(begin: Array, end: Array, ahead: Array, passed: Array, longer: Array
 
 @compiled
 def _meet(  # type: ignore[no-untyped-def]
-    fines, answers, betweens, system, lags, depths, tangentials, radials, ahead, passed, longer, feed, entry, leave,
-    motions, begin, end, found,
+    fines, answers, betweens, coarse_answers, coarse_betweens, system, lags, depths, tangentials, radials, ahead,
+    passed, longer, feed, entry, leave, motions, begin, end, found,
 ):  # fmt: skip
     """Fill in the motions, where each edge begins and ends to follow each other, and what was found."""
     samples, teeth = answers.shape[-1] // 2, len(ahead)
     edges = begin.shape[1]
     slices = edges // teeth
-    turn = 2.0 * math.pi
     for p in range(len(depths)):
         offset = np.empty(edges)
         for e in range(edges):
             offset[e] = ahead[e // slices] - lags[p] * (e % slices + 0.5) / slices
-        sine, cosine, weight = np.empty((edges, samples)), np.empty((edges, samples)), np.empty((edges, samples))
-        for e in range(edges):
-            for j in range(samples):
-                angle = (turn * j / samples + offset[e]) % turn
-                sine[e, j], cosine[e, j] = math.sin(angle), math.cos(angle)
-                weight[e, j] = _share_inside(angle, turn / samples, entry, leave)
-        force, motion = np.zeros((2, samples)), np.empty((2, samples))
+        tangential, radial = depths[p] * tangentials[p], depths[p] * radials[p]
+        force = _finer(
+            _approached(
+                coarse_answers[system[p]], coarse_betweens[system[p]], tangential, radial, offset, passed, longer,
+                feed, entry, leave,
+            ),
+            samples,
+        )  # fmt: skip
         found[p] = _repeating(
-            answers[system[p]], betweens[system[p]], depths[p] * tangentials[p], depths[p] * radials[p], sine, cosine,
-            weight, passed, longer, feed, force, motion,
+            answers[system[p]], betweens[system[p]], tangential, radial, *_edges(offset, samples, entry, leave),
+            passed, longer, feed, force,
         )  # fmt: skip
         _move(fines[system[p]], force, motions[p])
         for e in range(edges):
@@ -222,6 +229,19 @@ def _meet(  # type: ignore[no-untyped-def]
 
 
 @compiled
+def _edges(offset, samples, entry, leave):  # type: ignore[no-untyped-def]
+    """Return sine and cosine of the edges' angles at samples of a revolution, and how far they cut (edge, sample)."""
+    edges, turn = len(offset), 2.0 * math.pi
+    sine, cosine, weight = np.empty((edges, samples)), np.empty((edges, samples)), np.empty((edges, samples))
+    for e in range(edges):
+        for j in range(samples):
+            angle = (turn * j / samples + offset[e]) % turn
+            sine[e, j], cosine[e, j] = math.sin(angle), math.cos(angle)
+            weight[e, j] = _share_inside(angle, turn / samples, entry, leave)
+    return sine, cosine, weight
+
+
+@compiled
 def _share_inside(angle, width, entry, leave):  # type: ignore[no-untyped-def]
     """Return the share of the angles about one that lie in the cut; the cut may reach over the full turn."""
     share = 0.0
@@ -232,40 +252,82 @@ def _share_inside(angle, width, entry, leave):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _repeating(  # type: ignore[no-untyped-def]
-    answer, between, tangential, radial, sine, cosine, weight, passed, longer, feed, force, motion,
+def _approached(  # type: ignore[no-untyped-def]
+    answer, between, tangential, radial, offset, passed, longer, feed, entry, leave,
 ):  # fmt: skip
-    """Find the force (2, sample) that repeats, and return whether it was found; forces over chips [N/m].
+    """Return about the force (2, coarse sample) that repeats, followed through depths from none.
+
+    Deep cuts may repeat in several ways. A cut that begins at rest comes to the one that grows out of shallow cuts.
+    """
+    samples = answer.shape[-1] // 2
+    sine, cosine, weight = _edges(offset, samples, entry, leave)
+    force = np.zeros((2, samples))
+    for rung in range(1, RUNGS + 1):
+        _deeper(
+            answer, between, tangential, radial, sine, cosine, weight, passed, longer, feed, force, rung, RUNGS,
+            RUNG_STEPS,
+        )  # fmt: skip
+    return force
+
+
+@compiled
+def _repeating(  # type: ignore[no-untyped-def]
+    answer, between, tangential, radial, sine, cosine, weight, passed, longer, feed, force,
+):  # fmt: skip
+    """Find the force (2, sample) that repeats near one, and return whether it was found; forces over chips [N/m].
 
     At once, or else by cuts that become deeper, each from the motion of the one before.
     """
+    there = _deeper(
+        answer, between, tangential, radial, sine, cosine, weight, passed, longer, feed, force, 1, 1, STEPS,
+    )  # fmt: skip
     for rungs in LADDERS:
+        if there:
+            break
         force[:] = 0.0
         for rung in range(1, rungs + 1):
-            share = rung / rungs
-            force *= rung / max(rung - 1, 1)
-            there = _settled(
-                answer, between, share * tangential, share * radial, sine, cosine, weight, passed, longer, feed, force,
-                motion,
+            there = _deeper(
+                answer, between, tangential, radial, sine, cosine, weight, passed, longer, feed, force, rung, rungs,
+                STEPS,
             )  # fmt: skip
             if not there:
                 break
-        if there:
-            return True
-    return False
+    return there
+
+
+@compiled
+def _deeper(  # type: ignore[no-untyped-def]
+    answer, between, tangential, radial, sine, cosine, weight, passed, longer, feed, force, rung, rungs, steps,
+):  # fmt: skip
+    """Bring forces (2, sample) from one rung on the way to full depth to the next; return whether they arrived."""
+    share = rung / rungs
+    # To begin with, chips of deeper cuts are as thick as before.
+    force *= rung / max(rung - 1, 1)
+    return _settled(
+        answer, between, share * tangential, share * radial, sine, cosine, weight, passed, longer, feed, force, steps,
+    )  # fmt: skip
+
+
+@compiled
+def _finer(force, samples):  # type: ignore[no-untyped-def]
+    """Return forces (2, coarse sample) at more samples, linear between."""
+    result = np.empty((2, samples))
+    for j in range(samples):
+        result[0, j], result[1, j] = _at(force, j * force.shape[1] / samples)
+    return result
 
 
 @compiled
 def _settled(  # type: ignore[no-untyped-def]
-    answer, between, tangential, radial, sine, cosine, weight, passed, longer, feed, force, motion,
+    answer, between, tangential, radial, sine, cosine, weight, passed, longer, feed, force, steps,
 ):  # fmt: skip
     """Bring forces (2, sample) that repeat from near to where they belong; return whether they have arrived."""
     edges, samples = sine.shape
-    other = np.empty((2, samples))
+    other, motion = np.empty((2, samples)), np.empty((2, samples))
     who, next_who = np.empty((edges, samples), np.int64), np.empty((edges, samples), np.int64)
     _move(answer, force, motion)
     far = _held_against(force, motion, tangential, radial, sine, cosine, weight, passed, longer, feed, who)
-    for _ in range(STEPS):
+    for _ in range(steps):
         target = _forces(between, tangential, radial, sine, cosine, weight, passed, longer, feed, who)
         share = 1.0
         for _ in range(HALVINGS):

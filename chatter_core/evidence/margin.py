@@ -23,6 +23,9 @@ Growth = Callable[[Indices, Array], Array]
 REACH = 0.45
 #: ln|mu| is looked at in every cut and REACH beyond the outermost ones, and between so that no gap is wider.
 WIDEST_GAP = 0.25
+#: ln|mu| where a curve has answers elsewhere and none here, as where no motion repeats with the revolution (any
+#: longer). Such a cut is not steady: it counts as unstable, by however much.
+NOT_STEADY = 0.1
 #: Crossings are found to this in ln(depth): far less than any outcome curve is wide.
 CROSSING_TOLERANCE = 1e-5
 #: Step in ln(depth) for the slope at a crossing, and how far a crossing may move to be followed.
@@ -35,12 +38,14 @@ def margins(growth: Growth, curve: Indices, place: Array) -> tuple[Array, Array]
     curve, place: (cut,), the curve on which a cut lies and its own ln(depth). The margin is the distance to the
     nearest crossing, positive where the cut is unstable: ln(depth / limit depth) where the boundary is a single
     limit. Without a crossing within REACH it is REACH, with its sign, and the crossing, told from the cut, is NaN.
-    Both are NaN where ln|mu| of the cut itself is not known.
+    A depth without an answer on a curve that has some counts as unstable; both are NaN on a curve without any.
 
     See docs/physics.md#margin.
     """
     on, at = _looks(curve, place)
     looked = growth(on, at)
+    answered = np.isin(on, on[np.isfinite(looked)])
+    looked[answered] = _steady(looked[answered])
     own = looked[_position(on, at, curve, place)]
     nearest = np.full(len(place), np.nan)
     for root_curve, root in zip(*_crossings(growth, on, at, looked), strict=True):
@@ -85,6 +90,11 @@ def followed_margins(
     return followed, after
 
 
+def _steady(growth: Array) -> Array:
+    """Return ln|mu| with what is not steady."""
+    return np.where(np.isnan(growth), NOT_STEADY, growth)
+
+
 def _looks(curve: Indices, place: Array) -> tuple[Indices, Array]:
     """Return curves and places (look,) at which ln|mu| is looked at, sorted along each curve."""
     parts = []
@@ -127,7 +137,7 @@ def _crossings(growth: Growth, on: Indices, at: Array, looked: Array) -> tuple[I
     def ask(place: Array, which: Array) -> Array:
         """Answer what is known at the ends, which the root finder asks for first, and evaluate the rest."""
         known = next(ends, None)
-        return known if known is not None else growth(which.astype(np.intp), place)
+        return known if known is not None else _steady(growth(which.astype(np.intp), place))
 
     found = elementwise.find_root(
         ask,

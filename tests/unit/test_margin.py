@@ -51,14 +51,14 @@ def test_cuts_of_one_curve_share_its_crossings():
     assert max(asked[1:]) <= 2
 
 
-def test_what_is_not_known_brackets_nothing_and_an_unknown_cut_has_no_margin():
+def test_where_a_curve_has_no_answer_any_longer_its_cuts_are_not_stable():
     def growth(curve, place):
         return np.where((curve == 0) & (place > 0.1), np.nan, np.where(curve == 1, np.nan, place - 0.12))
 
-    margin, crossing = each_alone(growth, [0.0, 0.0, 0.0])
-    assert margin[:2] == pytest.approx([-REACH, np.nan], nan_ok=True)
-    assert np.isnan(crossing[:2]).all()
-    assert margin[2] == pytest.approx(-0.12, abs=1e-5)
+    margin, crossing = margins(growth, np.array([0, 0, 1, 2]), np.array([0.0, 0.3, 0.0, 0.0]))
+    # The first curve ends at 0.1 though it would lose stability at 0.12; nothing is known of the second.
+    assert margin == pytest.approx([-0.1, 0.2, np.nan, -0.12], abs=1e-5, nan_ok=True)
+    assert crossing == pytest.approx([0.1, -0.2, np.nan, 0.12], abs=1e-5, nan_ok=True)
     assert [array.tolist() for array in each_alone(growth, [])] == [[], []]
 
 
