@@ -12,9 +12,9 @@ from chatter_core.evidence.parameters import Array, Problem, column, position
 #: A drop this near to what is wanted, in standard deviations, gives the end by a straight line: the root of the
 #: drop is nearly one, and a tenth of it that is not leaves a hundredth of a deviation.
 NEAR_END = 0.15
-#: A refit that ends this much above the fit found another maximum [nats]; where chatter frequencies jump a posterior
-#: has edges of about this height, and no climb finds the highest of them.
-HIGHER, ROUGH = 0.02, 1.0
+#: A refit that ends this much above the fit found another maximum [nats]: by the fit's height the ends are a tenth too
+#: far. Where chatter frequencies jump a posterior has edges of about a nat, and no climb finds the highest of them.
+HIGHER, ROUGH = 0.3, 1.0
 #: An end is known to this when the drop has no such value, in standard deviations of the parameter.
 EDGE_TOLERANCE = 0.03
 #: A refit ends where its next step promises less than this [nats]: the drop is then off by three hundredths at most.

@@ -21,8 +21,11 @@ Growth = Callable[[Indices, Array], Array]
 
 #: A crossing is looked for so far from a cut in ln(depth); what lies beyond counts as that far.
 REACH = 0.45
-#: ln|mu| is looked at in every cut and REACH beyond the outermost ones, and between so that no gap is wider.
-WIDEST_GAP = 0.25
+#: ln|mu| is looked at in every cut and REACH beyond the outermost ones, and halfway between as long as a gap is wider,
+#: but for one whose ends are so far on one side of the boundary that curves would have to be steeper than STEEPEST, per
+#: ln(depth), to cross it and come back. Of 2256 margins of models about six campaigns one is off by more than 0.02 from
+#: what looks at every 0.06 find, the same one as with gaps of 0.25.
+WIDEST_GAP, STEEPEST = 0.5, 2.5
 #: ln|mu| where a curve has answers elsewhere and none here, as where no motion repeats with the revolution (any
 #: longer). Such a cut is not steady: it counts as unstable, by however much.
 NOT_STEADY = 0.1
@@ -42,10 +45,7 @@ def margins(growth: Growth, curve: Indices, place: Array) -> tuple[Array, Array]
 
     See docs/physics.md#margin.
     """
-    on, at = _looks(curve, place)
-    looked = growth(on, at)
-    answered = np.isin(on, on[np.isfinite(looked)])
-    looked[answered] = _steady(looked[answered])
+    on, at, looked = _looks(growth, curve, place)
     own = looked[_position(on, at, curve, place)]
     nearest = np.full(len(place), np.nan)
     for root_curve, root in zip(*_crossings(growth, on, at, looked), strict=True):
@@ -95,19 +95,40 @@ def _steady(growth: Array) -> Array:
     return np.where(np.isnan(growth), NOT_STEADY, growth)
 
 
-def _looks(curve: Indices, place: Array) -> tuple[Indices, Array]:
-    """Return curves and places (look,) at which ln|mu| is looked at, sorted along each curve."""
-    parts = []
-    for one in np.unique(curve):
+def _looks(growth: Growth, curve: Indices, place: Array) -> tuple[Indices, Array, Array]:
+    """Return curves, places and ln|mu| (look,) of where it is looked at, sorted along each curve."""
+    on, at = _stations(curve, place)
+    looked = growth(on, at)
+    while True:
+        answered = np.isin(on, on[np.isfinite(looked)])
+        steady = np.where(answered, _steady(looked), np.nan)
+        low = _wide(on, at, steady)
+        if not len(low):
+            return on, at, steady
+        middle = 0.5 * (at[low] + at[low + 1])
+        found = growth(on[low], middle)
+        order = np.argsort(np.concatenate([np.arange(len(at)), low + 0.5]))
+        on, at = np.concatenate([on, on[low]])[order], np.concatenate([at, middle])[order]
+        looked = np.concatenate([looked, found])[order]
+
+
+def _wide(on: Indices, at: Array, looked: Array) -> Indices:
+    """Return the looks after which a gap may hide crossings."""
+    gap = np.where(on[:-1] == on[1:], np.diff(at), 0.0)
+    before, after = looked[:-1], looked[1:]
+    hides = (before > 0.0) != (after > 0.0)
+    hides |= ~(np.abs(before) + np.abs(after) > STEEPEST * gap)
+    # Nothing is known of a curve that has no answer anywhere.
+    return np.flatnonzero((gap > WIDEST_GAP) & hides & np.isfinite(before))
+
+
+def _stations(curve: Indices, place: Array) -> tuple[Indices, Array]:
+    """Return curves and places (look,) of every cut and of what lies REACH beyond the outermost, sorted."""
+    curves, parts = np.unique(curve), []
+    for one in curves:
         own = np.unique(place[curve == one])
-        stations = np.concatenate([[own[0] - REACH], own, [own[-1] + REACH]])
-        gaps = np.ceil(np.diff(stations) / WIDEST_GAP).astype(int)
-        between = [
-            np.linspace(low, high, count, endpoint=False)
-            for low, high, count in zip(stations[:-1], stations[1:], gaps, strict=True)
-        ]
-        parts.append(np.concatenate([*between, stations[-1:]]))
-    on = np.repeat(np.unique(curve), [len(part) for part in parts])
+        parts.append(np.concatenate([[own[0] - REACH], own, [own[-1] + REACH]]))
+    on = np.repeat(curves, [len(part) for part in parts])
     return on, np.concatenate([np.empty(0), *parts])
 
 

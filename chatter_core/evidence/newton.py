@@ -7,7 +7,7 @@ Unlike least squares on square roots of deviances it has the right curvature for
 Far from the maximum a Jacobian serves for many steps: each of them corrects it by what it showed.
 
 Sources: M. R. Osborne, "Fisher's method of scoring", Int. Stat. Rev. 60 (1992) 99-117; C. G. Broyden, Math. Comput.
-19 (1965) 577-593 (the correction).
+19 (1965) 577-593 (the correction); H. B. Nielsen, Report IMM-REP-1999-05, Tech. Univ. Denmark (1999) (the damping).
 """
 
 from dataclasses import dataclass
@@ -27,10 +27,12 @@ DIFFERENCE_SHARE, LARGEST_DIFFERENCE = 0.1, 0.02
 #: A coordinate that changes by more over such a difference has jumped: it may by a tenth or so.
 #: Differences that jump are shortened so many times.
 JUMP, SHORTER_DIFFERENCES = 0.5, 3
-#: Damping at the start, its factors after a failed and a good step, and where a direction is given up.
-DAMPING, DAMPING_UP, DAMPING_DOWN, DAMPING_MOST, DAMPING_LEAST = 1e-3, 5.0, 0.2, 1e6, 1e-6
+#: Damping at the start, its factors after a failed step (twice that after each further one, as Nielsen has it) and
+#: after a good one, and where a direction is given up.
+DAMPING, DAMPING_UP, DAMPING_DOWN, DAMPING_MOST, DAMPING_LEAST = 1e-3, 4.0, 0.2, 1e6, 1e-6
 #: Lengths at which a step is tried, as long as it rises: where data contradict each other the information is
-#: large and steps are short. The first of all is lengthened when it falls too, to leap over an edge.
+#: large and steps are short. The first of all is lengthened when it falls too, to leap over an edge, if there is more
+#: to be gained than ROUGHNESS.
 LENGTHS = (1.0, 2.0, 4.0, 8.0)
 #: A step that rises by less than this over its promise is long enough: with a curvature that is 1.6 times too
 #: large it would rise by so much, and twice its length would be no better.
@@ -284,7 +286,7 @@ class Climb:
         smallest_gain: float,
     ) -> "tuple[_Place, float] | None":
         """Return the next place and its damping; None where every step falls that promises ``smallest_gain``."""
-        eager = True
+        eager, up = _step(gradient, information, moving, 0.0)[1] >= ROUGHNESS, DAMPING_UP
         while damping <= DAMPING_MOST:
             step, promised = _step(gradient, information, moving, damping)
             if not eager and promised < smallest_gain:
@@ -292,7 +294,7 @@ class Climb:
             found = self._rise(here, step * self.width, enough=WORTH_LENGTHENING * promised, eager=eager)
             if found is not None:
                 return found, max(damping * DAMPING_DOWN, DAMPING_LEAST)
-            damping, eager = damping * DAMPING_UP, False
+            damping, up, eager = damping * up, 2.0 * up, False
         return None
 
     def _rise(

@@ -8,10 +8,11 @@ import pytest
 
 from chatter_core import chain
 from chatter_core.chain import milling_equation, structure
-from chatter_core.contact import FINER, SAMPLES, forced_contact, periodic_answer
+from chatter_core.contact import FINER, SAMPLES, forced_contact
 from chatter_core.cutting import CuttingGain
 from chatter_core.effects import activate, apply_effects
 from chatter_core.evidence.prediction import FITTING_METHOD
+from chatter_core.forced_motion import periodic_answer
 from chatter_core.machine import Machine
 from chatter_core.stability import branches, critical_multipliers, evaluate
 from chatter_core.teeth import Engagement, Teeth, passages
@@ -135,6 +136,30 @@ def test_the_forced_motion_is_the_one_that_a_cut_settles_on(reference_machine: M
         found = met.motion[0, ((period + 1) % count) * SAMPLES * FINER]
         # Edges of the simulation enter at whole steps, 160 a tooth period: of first order.
         assert found == pytest.approx(tip, abs=0.02 * np.abs(met.motion).max())
+
+
+def test_cuts_settle_where_they_are_predicted_to(reference_machine: Machine):
+    """Cut in the time domain from rest, shallow and deep, where Newton's method alone finds no motion for some."""
+    runout_um, count, revolutions, teeth = 200.0, 48, 150, reference_machine.tool.teeth
+    rng = np.random.default_rng(1)
+    speed, depth = rng.uniform(3000.0, 14000.0, count) * RPM, rng.uniform(1e-3, 3.5e-3, count)
+    stages, point = model(reference_machine, runout_um), np.arange(count)
+    built = structure(stages, speed, mode_count=4)
+    growth = np.log(np.abs(critical_multipliers(stages, built, point, depth, FITTING_METHOD, np.ones(count))))
+    # Two parts of an edge, samples of the motion and steps of the simulation move ln|mu| by 0.04 at worst here.
+    told = np.abs(growth) > 0.04
+    place = np.arange(teeth) * 2.0 * math.pi / teeth + math.radians(20.0)
+    ends = simulate(
+        cutter(reference_machine, tuple(0.5e-6 * runout_um * np.cos(place))), modes=modal(built), spindle_speed=speed,
+        axial_depth=depth, periods=revolutions * teeth, steps=100, slices=4,
+    )  # fmt: skip
+    left = np.abs(ends[-10 * teeth :] - ends[-11 * teeth : -teeth])[..., 0].max(axis=(0, 2))
+    settles = left < 0.02 * np.abs(ends[-10 * teeth :])[..., 0].max(axis=(0, 2))
+    assert np.isfinite(growth).all()
+    steady = growth < 0.0
+    assert told.sum() >= 32
+    assert 10 <= steady[told].sum() <= told.sum() - 10
+    assert np.array_equal(settles[told], steady[told])
 
 
 def test_where_no_motion_was_found_there_is_no_result(reference_machine: Machine, monkeypatch):

@@ -28,8 +28,11 @@ def test_a_flat_branch_below_the_limit_does_not_hide_it():
 
 
 def test_the_nearest_of_several_crossings_counts_whichever_way_it_leads():
-    # An island of instability from 0.3 below the cut to 0.05 below: the cut is stable above it.
-    margin, crossing = each_alone(lambda curve, place: -(place + 0.3) * (place + 0.05), [0.0])
+    # An island of instability from 0.4 below a cut to 0.05 below: both cuts are stable, above and below it.
+    margin, crossing = margins(
+        lambda curve, place: -(place + 0.4) * (place + 0.05), np.array([0, 0]), np.array([0.0, -0.6])
+    )
+    assert (margin[1], crossing[1]) == (pytest.approx(-0.2, abs=1e-5), pytest.approx(0.2, abs=1e-5))
     assert (margin[0], crossing[0]) == (pytest.approx(-0.05, abs=1e-5), pytest.approx(-0.05, abs=1e-5))
 
 
@@ -45,10 +48,28 @@ def test_cuts_of_one_curve_share_its_crossings():
     expected = np.array([-0.1, 0.2, -0.1, -REACH, 0.0])
     assert margin == pytest.approx(expected, abs=CROSSING_TOLERANCE)
     assert crossing == pytest.approx([0.1, -0.2, 0.1, np.nan, 0.0], abs=CROSSING_TOLERANCE, nan_ok=True)
-    # Both curves are looked at no more densely than the widest gap asks for, and one crossing is sought on each.
+    # Cuts and ends first, then halves of gaps that may hide a crossing, and at last one crossing sought on each curve.
     spans = 2.0 * REACH + np.ptp(place[[0, 1, 3, 4]]), 2.0 * REACH
-    assert asked[0] <= sum(span / WIDEST_GAP for span in spans) + 2 * 5
-    assert max(asked[1:]) <= 2
+    assert asked[0] == 6 + 3
+    assert sum(asked) <= sum(2.0 * span / WIDEST_GAP for span in spans) + 2 * 5
+    assert asked[-1] <= 2
+
+
+def test_gaps_that_no_curve_is_steep_enough_to_hide_crossings_in_are_not_looked_into():
+    asked = []
+
+    def growth(curve, place):
+        asked.extend(place)
+        return np.where(curve == 0, 1.0, 0.1) * np.sign(place - 1.1) + 0.0 * place
+
+    place = np.array([0.0, 0.6])
+    margins(growth, np.array([0, 0]), place)
+    assert set(asked) >= {-REACH, 0.0, 0.6, 0.6 + REACH}
+    assert not any(-REACH < one < 0.0 or 0.0 < one < 0.6 for one in asked)
+    asked.clear()
+    # Just where a curve of that slope comes to the boundary, halfway between, it is.
+    margins(lambda curve, place: growth(curve + 1, place), np.array([0, 0]), place)
+    assert 0.3 in asked
 
 
 def test_where_a_curve_has_no_answer_any_longer_its_cuts_are_not_stable():
