@@ -21,14 +21,22 @@ from chatter_core.evidence.power import Power, power
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.evidence.ranking import NOTHING, Ranked
 from chatter_core.evidence.scores import Score
-from chatter_core.evidence.verdict import Verdict, decide, failed_checks, leading_pair, not_ruled_out, tied_pairs
+from chatter_core.evidence.verdict import (
+    Verdict,
+    decide,
+    failed_checks,
+    is_sure,
+    leading_pair,
+    not_ruled_out,
+    tied_pairs,
+)
 from chatter_core.stages import Stages
 from pipeline.campaigns import settings_of
 from pipeline.cluster import Workers
 from pipeline.corrections import Corrections
 from pipeline.jobs import Job, spread
 from pipeline.model_file import Content
-from pipeline.search import Singles, arrived, pairs_of, singles, with_half_refitted
+from pipeline.search import Singles, arrived, pairs_of, singles, taken_over, with_half_refitted
 
 #: Effects that restore what a base model was asked to leave out.
 RESTORING = {"speed_dependent_bearing": "base", "higher_modes": "modes"}
@@ -49,13 +57,14 @@ class Diagnosis(ShownAsCard):
     """Everything that a diagnosis found.
 
     base: the model as it was, calibrated; ranking: nothing missing and single effects; pairs: the best first, none
-    where none was tried; powers: of every candidate; judged: the base model, those that are not ruled out and the best
-    pair held against the campaign, by name, and left: what each of them fails in that counts; not_tried:
-    effects that cannot act on the machine, and why; held_out: scores on cuts
-    held out, by name; next_trial: the cut that would part the contenders; next_measurements: that one and others, what
-    is most worth its cost first; intervals: of the parameters of effects that are named, profiled; before_and_after:
-    the base model and the best one with their lobes, for pictures, None where nothing is missing; corrections: without
-    a formula, where the verdict is ``unexplained``. All after the verdict is found by ``pipeline.after_verdict``.
+    where none was tried; beside: the first, which suffices, with every effect that promised anything beside it, None
+    where that was not asked; powers: of every candidate; judged: the base model, those that are not ruled out and the
+    best pair held against the campaign, by name, and left: what each of them fails in that counts; not_tried: effects
+    that cannot act on the machine, and why; held_out: scores on cuts held out, by name; next_trial: the cut that would
+    part the contenders; next_measurements: that one and others, what is most worth its cost first; intervals: of the
+    parameters of effects that are named, profiled; before_and_after: the base model and the best one with their lobes,
+    for pictures, None where nothing is missing; corrections: without a formula, where the verdict is ``unexplained``.
+    All after the verdict is found by ``pipeline.after_verdict``.
     """
 
     content: Content
@@ -65,6 +74,7 @@ class Diagnosis(ShownAsCard):
     powers: list[Power]
     judged: dict[str, Version]
     left: dict[str, list[Failure]]
+    beside: list[Hypothesis] | None
     not_tried: dict[str, str]
     verdict: Verdict
     held_out: dict[str, dict[str, Score]] = field(default_factory=dict)
@@ -89,7 +99,7 @@ class Diagnosis(ShownAsCard):
     @property
     def leading_pair(self) -> Ranked | None:
         """The best pair where it gains enough over what is simpler, else None."""
-        return leading_pair(self.ranking, self.pairs)
+        return leading_pair(self.ranking, self.pairs, self.left)
 
     @property
     def contenders(self) -> tuple[Ranked, Ranked]:
@@ -224,11 +234,20 @@ def check_own(comparison: Comparison, candidates: Sequence[Candidate]) -> None:
 
 
 def diagnose(
-    workers: Workers | None, model: CampaignModel, belief: Belief, content: Content, fitted_before: Fit | None = None
+    workers: Workers | None,
+    model: CampaignModel,
+    belief: Belief,
+    content: Content,
+    fitted_before: Fit | None = None,
+    pairs: Sequence[Hypothesis] | None = None,
+    *,
+    seconds: bool = False,
 ) -> Diagnosis:
     """Return what is missing in a model: the ranking and the verdict.
 
-    belief: what is known of its parameters before the campaign; fitted_before: its fit to all data, where known.
+    belief: what is known of its parameters before the campaign; fitted_before: its fit to all data, where known, and
+    pairs: of the effect that it has gained with all that promised anything beside that, where those were tried;
+    seconds: whether a second effect is looked for beside one that suffices, which takes as long as all before.
     """
     comparison, candidates = Comparison(model=model), candidates_of(model, content)
     check_own(comparison, candidates)
@@ -237,38 +256,87 @@ def diagnose(
         start = belief.about(model).estimate
         (fit,) = spread(workers, [Job(name="base model", call=partial(calibrate, comparison, start=start))])
     base = Hypothesis(candidates=(), comparison=comparison, fit=fit)
-    found = singles(workers, base, candidates)
-    diagnosis = _decided(workers, found, candidates, content)
-    named = diagnosis.supported
-    if named is not found.ranking[0].best or named is found.base:
+    found = singles(workers, base, candidates) if pairs is None else taken_over(workers, base, candidates, pairs)
+    judge = _Judge()
+    diagnosis = _decided(workers, found, candidates, content, judge)
+    first = found.ranking[0].best
+    if first is found.base or diagnosis.supported is not first:
         return diagnosis
     settled = arrived(workers, found)
-    if settled.ranking[0].best is not named:
-        diagnosis = _decided(workers, settled, candidates, content)
-    kept = settled.intervals if diagnosis.supported is settled.ranking[0].best else {}
+    tried = diagnosis.pairs if settled.ranking[0].best is first else []
+    diagnosis = _decided(workers, settled, candidates, content, judge, tried, seconds=seconds)
+    # Another variant may have come first meanwhile, of whose parameters there are none.
+    same = [*map(str, diagnosis.supported.candidates)] == [*map(str, first.candidates)]
+    kept = settled.intervals if same else {}
     return replace(diagnosis, intervals=kept)
 
 
-def _decided(workers: Workers | None, found: Singles, candidates: Sequence[Candidate], content: Content) -> Diagnosis:
-    """Return what the base model and the single effects, and pairs where one does not suffice, say together."""
-    first = found.ranking[0].best
-    seen = _judged(first)
-    pairs: list[Ranked] = []
-    if failed_checks(what_is_left(first, seen)):
-        pairs = pairs_of(workers, found.base, candidates, found.ranking)
-        found = with_half_refitted(found, pairs)
+class _Judge:
+    """Holds hypotheses against the campaign, each once."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, tuple[Hypothesis, Version, list[Failure]]] = {}
+        self._powers: tuple[Hypothesis, list[Power]] | None = None
+
+    def _of(self, one: Hypothesis) -> tuple[Hypothesis, Version, list[Failure]]:
+        if id(one) not in self._known:
+            version = _judged(one)
+            # The hypothesis is kept with it: what no longer lives may lend its place to another.
+            self._known[id(one)] = one, version, what_is_left(one, version)
+        return self._known[id(one)]
+
+    def versions(self, told_of: Sequence[Hypothesis]) -> dict[str, Version]:
+        """Return hypotheses as they are held against the campaign, by name."""
+        return {name_of(one): self._of(one)[1] for one in told_of}
+
+    def left(self, told_of: Sequence[Hypothesis]) -> dict[str, list[Failure]]:
+        """Return what is left of hypotheses that counts, by name."""
+        return {name_of(one): self._of(one)[2] for one in told_of}
+
+    def powers(self, workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate]) -> list[Power]:
+        """Return what the campaign could have shown of every candidate."""
+        if self._powers is None or self._powers[0] is not base:
+            self._powers = base, _powers(workers, base, candidates)
+        return self._powers[1]
+
+
+def _decided(
+    workers: Workers | None,
+    found: Singles,
+    candidates: Sequence[Candidate],
+    content: Content,
+    judge: _Judge,
+    tried: Sequence[Ranked] = (),
+    *,
+    seconds: bool = False,
+) -> Diagnosis:
+    """Return what the base model and the single effects say, and pairs: where one does not suffice, or if asked for.
+
+    tried: the pairs, where they are known.
+    """
+    first, pairs = found.ranking[0], list(tried)
+    fails = bool(failed_checks(judge.left([first.best])[first.name]))
+    beside: list[Hypothesis] | None = None
+    if not pairs and (fails or (seconds and is_sure(found.ranking))):
+        pairs, fitted = pairs_of(workers, found.base, candidates, found.ranking, suffices=not fails)
+        beside = None if fails else fitted
+    if pairs:
+        left = judge.left([first.best, *(one.best for one in pairs[:1])])
+        if (pair := leading_pair(found.ranking, pairs, left)) is not None:
+            found = with_half_refitted(found, pair)
     base, ranking = found.base, found.ranking
+    if ranking[0].name != first.name:
+        beside = None
     told_of = [base, *(one.best for one in [*not_ruled_out(ranking), *pairs[:1]] if one.best is not base)]
-    judged = {name_of(one): seen if one is first else _judged(one) for one in told_of}
-    left = {name_of(one): what_is_left(one, judged[name_of(one)]) for one in told_of}
-    powers = _powers(workers, base, candidates)
+    left, powers = judge.left(told_of), judge.powers(workers, base, candidates)
     return Diagnosis(
         content=content,
         base=base,
         ranking=ranking,
         pairs=pairs,
+        beside=beside,
         powers=powers,
-        judged=judged,
+        judged=judge.versions(told_of),
         left=left,
         not_tried=not_tried(base.comparison.model, content),
         verdict=decide(ranking, pairs, powers, left),

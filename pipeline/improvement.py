@@ -70,9 +70,11 @@ def improve(workers: Workers | None, asked: Asked) -> Improvement:
     rows = [row_as_described(model, belief, unseen=asked.unseen)]
     diagnoses: list[Diagnosis] = []
     known: Fit | None = None
+    pairs: list[Hypothesis] | None = None
     of_base: dict[str, Score] | None = None
     while True:
-        found = completed(workers, diagnose(workers, model, belief, content, known), belief, of_base)
+        found = diagnose(workers, model, belief, content, known, pairs, seconds=len(diagnoses) < MOST_STEPS)
+        found = completed(workers, found, belief, of_base)
         if not diagnoses:
             rows.append(_row("calibrated", found.version(found.base), found.held_out.get(NOTHING, {})))
         diagnoses.append(found)
@@ -82,6 +84,7 @@ def improve(workers: Workers | None, asked: Asked) -> Improvement:
         content = found.supported_content
         rows.append(_row(" + ".join(content.effects), found.version(best), found.held_out.get(best.name, {})))
         model, known = model_of(model.campaign, content), best.fit
+        pairs = found.beside if best is found.ranking[0].best else None
         of_base = found.held_out.get(best.name)
     added = tuple(name for name in content.effects if name not in asked.content.effects)
     return Improvement(

@@ -6,12 +6,27 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from math import prod
 
+import numpy as np
+
+from chatter_core.effects import Effect
 from chatter_core.evidence.assessment import Limits
 from chatter_core.evidence.candidates import Candidate, Hypothesis
-from chatter_core.evidence.pursuit import approached_from, fit_hypothesis, ground, look, pursue, refit
+from chatter_core.evidence.comparison import Comparison
+from chatter_core.evidence.pursuit import (
+    Ground,
+    Prospect,
+    approached_from,
+    fit_hypothesis,
+    ground,
+    look,
+    most_promising,
+    pursue,
+    refit,
+    stay,
+)
 from chatter_core.evidence.ranking import NOTHING, Ranked, rank
-from chatter_core.evidence.starts import other_shapes
-from chatter_core.evidence.verdict import leading_pair, not_ruled_out
+from chatter_core.evidence.starts import AMPLITUDES, SLIGHT_AMPLITUDES, other_shapes
+from chatter_core.evidence.verdict import not_ruled_out
 from pipeline.cluster import Workers
 from pipeline.jobs import Job, spread
 from pipeline.profiling import profiled
@@ -21,8 +36,8 @@ CLOSE = 12.0
 #: Where the base model rises by more than this from the best effect's place [nats], all is looked at again, once.
 RISEN, GROUNDS = 1.0, 2
 #: Effects of which pairs are tried, the most probable, and second effects that are fitted beside each, those that
-#: promise most.
-FIRSTS, SECONDS = 2, 4
+#: promise most; beside one that suffices, of those that promise so much [nats].
+FIRSTS, SECONDS, SEEN = 2, 4, 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,20 +88,27 @@ def arrived(workers: Workers | None, found: Singles) -> Singles:
 
 
 def pairs_of(
-    workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate], ranking: Sequence[Ranked]
-) -> list[Ranked]:
-    """Return pairs with the effects that are not ruled out, the best first; none where all effects are.
+    workers: Workers | None,
+    base: Hypothesis,
+    candidates: Sequence[Candidate],
+    ranking: Sequence[Ranked],
+    *,
+    suffices: bool = False,
+) -> tuple[list[Ranked], list[Hypothesis]]:
+    """Return pairs with the effects that are not ruled out, the best first, and all that were fitted for them.
 
-    Seconds are those that promise most beside the first: what a model with neither says of them may be nothing. Of a
-    pair that was met from both of its halves the better fit counts.
+    None where all effects are ruled out. Seconds are those that promise most beside the first: what a model with
+    neither says of them may be nothing. Where the first suffices it is the only one, and they are slight, and have to
+    promise anything at all. Of a pair that was met from both of its halves the better fit counts.
     """
-    firsts = [one.best for one in not_ruled_out(ranking) if one.name != NOTHING][:FIRSTS]
+    many, amplitudes, least = (1, SLIGHT_AMPLITUDES, SEEN) if suffices else (FIRSTS, AMPLITUDES, -np.inf)
+    firsts = [one.best for one in not_ruled_out(ranking) if one.name != NOTHING][:many]
     known = [ground(one) for one in firsts]
     looks = [
         [
             Job(
                 name=f"{first.name} and {one}",
-                call=partial(look, base.comparison, [*first.candidates, one], nested=beside),
+                call=partial(look, base.comparison, [*first.candidates, one], beside, amplitudes),
             )
             for one in candidates
             if one.name != first.name
@@ -94,7 +116,7 @@ def pairs_of(
         for first, beside in zip(firsts, known, strict=True)
     ]
     seen = iter(spread(workers, [job for jobs in looks for job in jobs]))
-    prospects = [sorted((next(seen) for _ in jobs), key=lambda one: -one.promise)[:SECONDS] for jobs in looks]
+    prospects = [_worth_fitting([next(seen) for _ in jobs], least) for jobs in looks]
     jobs = [
         Job(name=f"{' and '.join(map(str, one.candidates))}, fitted", call=partial(pursue, one))
         for of_first in prospects
@@ -104,25 +126,65 @@ def pairs_of(
     variants_of = Counter(one.name for one in candidates)
     counts = {pair.name: prod(variants_of[name] for name in pair.names) for pair in paired}
     pairs = [one for one in rank(base, paired, counts) if one.name != NOTHING]
-    return sorted(pairs, key=lambda one: -one.gain)
+    return sorted(pairs, key=lambda one: -one.gain), paired
 
 
-def with_half_refitted(found: Singles, pairs: Sequence[Ranked]) -> Singles:
-    """Return the single effects, the better half of the leading pair fitted again from the pair's place.
+def _worth_fitting(prospects: Sequence[Prospect], least: float) -> list[Prospect]:
+    """Return those that promise most, in variants of so many effects as SECONDS says, and no less than ``least``."""
+    found: list[Prospect] = []
+    for one in sorted(prospects, key=lambda prospect: -prospect.promise):
+        names = {known.candidates[-1].name for known in found} | {one.candidates[-1].name}
+        if len(names) > SECONDS or one.promise < least:
+            break
+        found.append(one)
+    return found
+
+
+def with_half_refitted(found: Singles, pair: Ranked) -> Singles:
+    """Return the single effects, the better half of a pair that leads fitted again from the pair's place.
 
     A pair that is held against a half that had not arrived gains what the half has missed.
     """
-    pair = leading_pair(found.ranking, pairs)
-    if pair is None:
-        return found
     half = max((one for one in found.fitted if one.name in pair.best.names), key=lambda one: one.fit.log_evidence)
     again = refit(half, pair.best.fit)
-    return Singles(base=found.base, fitted=[again if one is half else one for one in found.fitted])
+    return replace(found, fitted=[again if one is half else one for one in found.fitted])
+
+
+def taken_over(
+    workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate], pairs: Sequence[Hypothesis]
+) -> Singles:
+    """Return the single effects beside a base model that has gained one, from the pairs that were fitted with it.
+
+    What promised too little beside it to be fitted stays at its null. The base model gets the same chance to arrive
+    as what is held against it.
+    """
+    if pairs:
+        base = refit(base, max(pairs, key=lambda pair: pair.fit.log_evidence).fit)
+    known, had = ground(base), _effects(base)
+    paired = {str(second): pair for pair in pairs for second in pair.candidates if second.name not in had}
+    jobs = [
+        Job(name=str(one), call=partial(_taken_over, base.comparison, one, known, paired.get(str(one))))
+        for one in candidates
+    ]
+    return Singles(base=base, fitted=spread(workers, jobs))
+
+
+def _effects(base: Hypothesis) -> set[str]:
+    """Return the names of the effects that a base model has."""
+    return {term.name() for term in base.comparison.model.terms if isinstance(term, Effect)}
+
+
+def _taken_over(base: Comparison, candidate: Candidate, nested: Ground, pair: Hypothesis | None) -> Hypothesis:
+    """Return an effect beside a model, fitted again from where a pair was, or at its null."""
+    at_null = stay(base, [candidate], nested)
+    return at_null if pair is None else refit(at_null, pair.fit)
 
 
 def _best_shape(workers: Workers | None, named: Hypothesis) -> Hypothesis:
     """Return a hypothesis of one effect, fitted again from other shapes of it where one of them leads higher."""
-    starts = other_shapes(named.comparison, named.fit.estimate, named.candidates[-1])
+    others = other_shapes(named.comparison, named.fit.estimate, named.candidates[-1])
+    choice = Job(name=f"{named.name}, other shapes", call=partial(most_promising, named, others))
+    (starts,) = spread(workers, [choice]) if others else ([],)
     jobs = [Job(name=f"{named.name}, from another shape", call=partial(approached_from, named, one)) for one in starts]
     again: list[Hypothesis] = spread(workers, jobs)
     return max([named, *again], key=lambda one: one.fit.log_posterior)

@@ -1,9 +1,9 @@
 """What other tempers, priors and thresholds would have answered, from kept diagnoses and without a fit.
 
-``python -m benchmarks.blind.choosing FOLDER [--temper 0.3 0.5] [--nothing 2 3] [--named 0.8] ...`` prints a grid for
-the calibration seeds, those of the test it refuses. The program's own rules are asked, ``rank`` and ``decide``, with
-other numbers in place of their constants. Pairs stand where the diagnosis tried some: where it did not, other
-numbers cannot bring one forth.
+``python -m benchmarks.blind.choosing FOLDER [--temper 0.3 0.5] [--nothing-missing 2 3] [--named 0.8] ...`` prints a
+grid for the calibration seeds and those of the first test, which are spent; those of the second it does not read. The
+program's own rules are asked, ``rank`` and ``decide``, with other numbers in place of their constants. Pairs stand
+where the diagnosis tried some: where it did not, other numbers cannot bring one forth.
 """
 
 import argparse
@@ -36,7 +36,7 @@ from benchmarks.blind.opening import case_of
 from benchmarks.blind.summary import markdown
 from benchmarks.blind.tables import write_rows
 from chatter_core.evidence import ranking, verdict
-from tests.hidden_effect.design import CALIBRATION_SEEDS
+from tests.hidden_effect.design import CALIBRATION_SEEDS, TEST_SEEDS
 
 #: No probability counts as less than this in a log score: one case must not decide.
 LEAST = 1e-4
@@ -52,7 +52,10 @@ class Numbers:
     tied_together: float = verdict.TIED_TOGETHER
     nothing_named: float = verdict.NOTHING_NAMED
     pair_gain: float = verdict.PAIR_GAIN
+    second_gain: float = verdict.SECOND_GAIN
     pair_lead: float = verdict.PAIR_LEAD
+    outstanding: float = verdict.OUTSTANDING
+    gross_chance: float = verdict.GROSS_CHANCE
     check_chance: float = verdict.CHECK_CHANCE
     seen_share: float = verdict.SEEN_SHARE
 
@@ -176,9 +179,9 @@ def disagreeing(cases: Sequence[tuple[Case, dict[str, Any]]]) -> list[int]:
 
 
 def kept_cases(root: Path) -> list[tuple[Case, dict[str, Any]]]:
-    """Return cases and answers of the calibration seeds that are kept in a folder, but for failed ones."""
+    """Return cases and answers of the seeds to choose by that are kept in a folder, but for failed ones."""
     found = []
-    for seed in CALIBRATION_SEEDS:
+    for seed in (*CALIBRATION_SEEDS, *TEST_SEEDS):
         task = kept.task_of(root, "campaigns", seed, WHOLE)
         if task.path.exists() and (answer := kept.read(task.path))["state"] == DONE:
             found.append((case_of(root, "campaigns", task), answer))
@@ -195,12 +198,12 @@ def main() -> int:
     root = arguments.pop("folder")
     cases = kept_cases(root)
     if not cases:
-        print(f"{root}: no diagnoses of calibration seeds are kept here")
+        print(f"{root}: no diagnoses of seeds to choose by are kept here")
         return 1
     if differing := disagreeing(cases):
         print(f"not as the program answers now: {', '.join(map(str, differing))}")
     rows = grid(cases, arguments)
-    print(f"{len(cases)} calibration campaigns")
+    print(f"{len(cases)} campaigns")
     print("\n".join(markdown(list(rows[0]), [[f"{value:.4g}" for value in row.values()] for row in rows])))
     write_rows(root / "choosing.csv", rows)
     return 0

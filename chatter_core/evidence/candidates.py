@@ -1,6 +1,6 @@
 """Candidates for what a model lacks: terms that are fitted together with everything that it has."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,13 +65,20 @@ class Hypothesis:
 
 
 def extended(base: Comparison, candidates: Sequence[Candidate]) -> Comparison:
-    """Return a comparison whose model has some effects more, in the order in which they act along the chain.
+    """Return a comparison whose model has some effects more, all in the order in which they act along the chain.
 
     See docs/physics.md#diagnosis.
     """
-    ordered = sorted(candidates, key=lambda candidate: candidate.place)
-    terms = (*base.model.terms, *(candidate.term for candidate in ordered))
+    placed = [(_place(term), term) for term in base.model.terms]
+    placed += [(candidate.place, candidate.term) for candidate in candidates]
+    terms = tuple(term for _, term in sorted(placed, key=lambda one: one[0]))
     return replace(base, model=replace(base.model, terms=terms))
+
+
+def _place(term: Term) -> tuple[int, str]:
+    """Return the place of a term along the chain: an effect knows its own, what is none acts before all effects."""
+    place: Callable[[], tuple[int, str]] | None = getattr(term, "place", None)
+    return (-1, "") if place is None else place()
 
 
 def slope_of(hypothesis: Hypothesis) -> Array:

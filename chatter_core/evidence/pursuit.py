@@ -14,6 +14,8 @@ from chatter_core.evidence.fit import Fit, free_parameters, maximise, result
 from chatter_core.evidence.newton import Climb, Maximum
 from chatter_core.evidence.parameters import Array, log_prior
 from chatter_core.evidence.starts import (
+    AMPLITUDES,
+    CLIMBED,
     SMALLEST_PROMISE,
     Worth,
     chosen,
@@ -102,21 +104,43 @@ class Prospect:
         return max(promise for promise, _ in self.starts)
 
 
-def look(base: Comparison, candidates: Sequence[Candidate], nested: Ground) -> Prospect:
-    """Return what a model with effects has to gain over one that is nested in it.
-
-    The last of the candidates is new: it is looked at with several strengths and shapes, since a displaced resonance
-    has no slope that would lead to it, and with everything else where the slope says that it would go.
+def stay(base: Comparison, candidates: Sequence[Candidate], nested: Ground) -> Hypothesis:
+    """Return a model with effects of which the last stays at its null, where the nested model has arrived.
 
     See docs/physics.md#diagnosis.
     """
+    climb, at_null, _, _ = _at_null(base, candidates, nested)
+    fit = result(climb.problem, at_null, climb.evaluations, -np.inf)
+    return Hypothesis(candidates=tuple(candidates), comparison=extended(base, candidates), fit=fit)
+
+
+def _at_null(
+    base: Comparison, candidates: Sequence[Candidate], nested: Ground
+) -> tuple[Climb, Maximum, Array, NDArray[np.bool_]]:
+    """Return the climb of a model with an effect more, where it stands at its null, and what of its slope is known."""
     comparison, new = extended(base, candidates), candidates[-1]
     own, known = carried(comparison, nested.hypothesis.fit), _in_order(comparison, nested)
     added = np.array([parameter in new.term.parameters for parameter in comparison.parameters])
     climb = Climb(comparison, free_parameters(comparison, (), own))
-    at_null = climb.stay(own, known, added)
+    return climb, climb.stay(own, known, added), known, added
+
+
+def look(
+    base: Comparison, candidates: Sequence[Candidate], nested: Ground, amplitudes: Sequence[float] = AMPLITUDES
+) -> Prospect:
+    """Return what a model with effects has to gain over one that is nested in it.
+
+    The last of the candidates is new: it is looked at with several strengths, ``amplitudes`` in widths of their
+    priors, and shapes, since a displaced resonance has no slope that would lead to it, and with everything else where
+    the slope says that it would go.
+
+    See docs/physics.md#diagnosis.
+    """
+    climb, at_null, known, added = _at_null(base, candidates, nested)
+    comparison, new, own = climb.problem, candidates[-1], at_null.values
+    assert isinstance(comparison, Comparison)
     worth, plain = Worth(climb, at_null, known, added), unbent(comparison, own)
-    promised = partial(promises, worth, comparison, new=new, at_null=at_null.evaluation)
+    promised = partial(promises, worth, comparison, new=new, at_null=at_null.evaluation, amplitudes=amplitudes)
     starts = [(climb.promise_of(at_null), own), *promised(own=own, scanned=True)]
     widely = scanned_widely(new, comparison)
     if nested.bent or widely:
@@ -209,6 +233,19 @@ def _in_order(comparison: Comparison, nested: Ground) -> Array:
     place = {parameter.name: index for index, parameter in enumerate(parameters)}
     columns = [place.get(parameter.name, -1) for parameter in comparison.parameters]
     return np.where(np.array(columns) >= 0, nested.slope[:, columns], 0.0)
+
+
+def most_promising(hypothesis: Hypothesis, starts: Sequence[Array]) -> list[Array]:
+    """Return the places (parameter,) for the last effect of a fitted hypothesis that promise most, the best first.
+
+    See docs/physics.md#diagnosis.
+    """
+    comparison, fit, own = hypothesis.comparison, hypothesis.fit, hypothesis.candidates[-1].term.parameters
+    climb, known = Climb(comparison, ~fit.fixed), slope_of(hypothesis)
+    added = np.array([parameter in own for parameter in comparison.parameters])
+    here = climb.stay(fit.estimate, known, np.zeros_like(added))
+    worth = Worth(climb, here, known, added)
+    return sorted(starts, key=lambda start: -worth.of(start))[:CLIMBED]
 
 
 def refit(hypothesis: Hypothesis, start: Fit) -> Hypothesis:

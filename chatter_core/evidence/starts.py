@@ -17,6 +17,8 @@ from chatter_core.evidence.parameters import Array, Evaluation, Parameter
 #: Amplitudes at which a fit is started, in widths of their priors; to both sides where they can go there. The first
 #: is looked at with every shape.
 AMPLITUDES = (1.0, 0.3, 0.5, 2.0, 3.0)
+#: Those that are looked at beside a model that fails no check: a strong effect more would have failed some.
+SLIGHT_AMPLITUDES = (1.0, 0.3)
 #: Shapes at which it is, in widths of theirs.
 SHAPES = (-1.2, -0.6, 0.0, 0.6, 1.2)
 #: Nearer to each other than this shapes are one, in widths of theirs.
@@ -39,7 +41,14 @@ HOPELESS = -15.0
 
 
 def promises(
-    worth: "Worth", comparison: Comparison, own: Array, new: Candidate, at_null: Evaluation, *, scanned: bool
+    worth: "Worth",
+    comparison: Comparison,
+    own: Array,
+    new: Candidate,
+    at_null: Evaluation,
+    *,
+    scanned: bool,
+    amplitudes: Sequence[float] = AMPLITUDES,
 ) -> list[tuple[float, Array]]:
     """Return starts of an effect, and what each promises over its null [nats]; scanned: whether a scan is among them.
 
@@ -49,7 +58,7 @@ def promises(
     See docs/physics.md#diagnosis.
     """
     shapes = shapes_of(new, comparison, at_null)
-    first = starts_at(comparison, own, new, AMPLITUDES[:1], shapes)
+    first = starts_at(comparison, own, new, amplitudes[:1], shapes)
     first += _scanned(new, comparison, own) if scanned else []
     found = [(worth.of(start), start) for start in first]
 
@@ -59,7 +68,7 @@ def promises(
                 found.append((worth.of(start), start))
 
     best = sorted(found, key=lambda one: -one[0])[:CLIMBED]
-    add(start for _, shaped in best for start in starts_at(comparison, shaped, new, AMPLITUDES[1:], ()))
+    add(start for _, shaped in best for start in starts_at(comparison, shaped, new, amplitudes[1:], ()))
     _, strong = max(found, key=lambda one: one[0])
     add(_shaped(comparison, strong, new, shapes))
     return found

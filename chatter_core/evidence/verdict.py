@@ -20,12 +20,17 @@ POSSIBLE = 0.1
 NOTHING_NAMED = 0.5
 #: More than this many are not a tie but ignorance.
 MOST_TIED = 3
-#: A pair is named when it gains so much over its better half, and over the first of the ranking [nats].
-PAIR_GAIN = 5.0
+#: A pair is named when it gains so much over its better half, and over the first of the ranking [nats]: where the first
+#: fails a check, and where it fails none, which is what a second effect needs to be named beside it.
+PAIR_GAIN, SECOND_GAIN = 5.0, 8.0
 #: Pairs that gain less than this over one another are tied [nats].
 PAIR_LEAD = 2.5
 #: What is left counts as a failed check when it is so improbable by chance.
 CHECK_CHANCE = 0.002
+#: Where checks fail, what is best is named all the same if every answer that lacks any of it gains so much less [nats]:
+#: a law that leaves something open is the right one for most of what is seen. Not where a check fails by such a chance:
+#: then the law is another.
+OUTSTANDING, GROSS_CHANCE = 25.0, 1e-6
 #: Nothing can be said to be missing when fewer candidates than this share would have been seen.
 SEEN_SHARE = 0.5
 
@@ -55,15 +60,32 @@ def not_ruled_out(ranking: Sequence[Ranked]) -> list[Ranked]:
     return [one for one in ranking if one is ranking[0] or one.probability > POSSIBLE]
 
 
-def leading_pair(ranking: Sequence[Ranked], pairs: Sequence[Ranked]) -> Ranked | None:
+def is_sure(ranking: Sequence[Ranked]) -> bool:
+    """Return whether one effect is probable enough to be named, whatever else it leaves.
+
+    See docs/physics.md#diagnosis.
+    """
+    return ranking[0].name != NOTHING and ranking[0].probability >= NAMED
+
+
+def leading_pair(
+    ranking: Sequence[Ranked], pairs: Sequence[Ranked], left: Mapping[str, Sequence[Failure]]
+) -> Ranked | None:
     """Return the best pair where it gains enough over what is simpler, else None; pairs: the best first.
+
+    Where the first suffices, a second effect has to be seen beside it, and not only one of several.
 
     See docs/physics.md#diagnosis.
     """
     if not pairs:
         return None
-    simpler = [ranking[0], *(one for one in ranking if one.name in pairs[0].best.names)]
-    return pairs[0] if pairs[0].gain > max(one.gain for one in simpler) + PAIR_GAIN else None
+    best = pairs[0]
+    simpler = [ranking[0], *(one for one in ranking if one.name in best.best.names)]
+    lead = best.gain - max(one.gain for one in simpler)
+    if failed_checks(left[ranking[0].name]):
+        return best if lead > PAIR_GAIN else None
+    is_second = ranking[0].name in best.best.names and len(tied_pairs(pairs)) == 1
+    return best if is_second and lead > SECOND_GAIN and not failed_checks(left[best.name]) else None
 
 
 def decide(
@@ -81,11 +103,11 @@ def decide(
     See docs/physics.md#diagnosis.
     """
     first = ranking[0]
-    pair = leading_pair(ranking, pairs)
+    pair = leading_pair(ranking, pairs, left)
     best = pair or first
     checks = failed_checks(left[best.name])
     if checks and (pair is not None or not _another_suffices(ranking, left)):
-        return _unexplained(best, checks)
+        return _standing_out(ranking, pairs, pair, left) or _unexplained(best, checks)
     if pair is not None:
         return _two(pairs)
     return _nothing(ranking, powers) if first.name == NOTHING and not checks else _named(ranking)
@@ -96,6 +118,34 @@ def _another_suffices(ranking: Sequence[Ranked], left: Mapping[str, Sequence[Fai
     return ranking[0].probability < NAMED and any(
         not failed_checks(left[one.name]) for one in not_ruled_out(ranking)[1:]
     )
+
+
+def _standing_out(
+    ranking: Sequence[Ranked], pairs: Sequence[Ranked], pair: Ranked | None, left: Mapping[str, Sequence[Failure]]
+) -> Verdict | None:
+    """Return that the pair that leads is missing, or the first, although checks fail; None where neither stands out."""
+    answers = [*ranking, *pairs]
+    if pair is not None and _stands_out(pair, answers, failed_checks(left[pair.name])):
+        return _with_rest(_two(pairs), failed_checks(left[pair.name]))
+    first = ranking[0]
+    if _stands_out(first, answers, failed_checks(left[first.name])):
+        return _with_rest(_named(ranking), failed_checks(left[first.name]))
+    return None
+
+
+def _stands_out(one: Ranked, answers: Sequence[Ranked], checks: Sequence[Failure]) -> bool:
+    """Return whether no answer that lacks any effect of one comes near it, and no check fails grossly."""
+    if one.name == NOTHING or min(check.chance for check in checks) < GROSS_CHANCE:
+        return False
+    lacking = [other.gain for other in answers if not set(one.best.names) <= set(other.best.names)]
+    return one.gain > max(lacking) + OUTSTANDING
+
+
+def _with_rest(verdict: Verdict, checks: Sequence[Failure]) -> Verdict:
+    """Return a verdict that says that checks still fail."""
+    still = "a check still fails" if len(checks) == 1 else f"{len(checks)} checks still fail"
+    text = f"{verdict.text} It does not explain everything, {still}: {checks[0].text}"
+    return Verdict(kind=verdict.kind, missing=verdict.missing, text=text)
 
 
 def _unexplained(best: Ranked, checks: Sequence[Failure]) -> Verdict:

@@ -262,12 +262,17 @@ def test_other_tempers_and_priors_give_the_probabilities_of_the_rule():
 
 
 def test_thresholds_of_checks_and_pairs_are_asked_again():
-    doubted = kept_answer({"a": 30.0, "b": 2.0}, chances={"a": [1e-4]})
+    doubted = kept_answer({"a": 30.0, "b": 10.0}, chances={"a": [1e-4]})
     assert replay(doubted, Numbers()).verdict == "unexplained"
     assert replay(doubted, Numbers(check_chance=1e-5)).verdict == "effect"
-    pair = kept_answer({"a": 30.0, "b": 2.0}, chances={"a + b": []}, pair={"effect": "a + b", "score": 40.0})
+    assert replay(doubted, Numbers(outstanding=15.0)).verdict == "effect"
+    told = {"effect": "a + b", "score": 40.0}
+    pair = kept_answer({"a": 30.0, "b": 10.0}, chances={"a": [1e-4], "a + b": []}, pair=told)
     assert replay(pair, Numbers()).missing == ("a", "b")
-    assert replay(pair, Numbers(pair_gain=15.0)).missing == ("a",)
+    assert replay(pair, Numbers(pair_gain=15.0)).verdict == "unexplained"
+    beside = kept_answer({"a": 30.0, "b": 10.0}, chances={"a + b": []}, pair=told)
+    assert replay(beside, Numbers()).missing == ("a", "b")
+    assert replay(beside, Numbers(second_gain=15.0)).missing == ("a",)
 
 
 def test_a_grid_measures_what_it_chooses_by():

@@ -122,7 +122,9 @@ def test_power_tells_what_would_be_seen_from_what_would_not(damped):
 def test_terms_act_in_the_order_of_the_chain_whoever_names_them_first():
     base = Comparison(model=base_model(judged(0.0)))
     one, other = extended(base, [PROCESS_DAMPING, ASYMMETRY]), extended(base, [ASYMMETRY, PROCESS_DAMPING])
-    assert [p.name for p in one.parameters] == [p.name for p in other.parameters]
+    later = extended(extended(base, [PROCESS_DAMPING]), [ASYMMETRY])
+    assert [p.name for p in one.parameters] == [p.name for p in other.parameters] == [p.name for p in later.parameters]
+    assert PROCESS_DAMPING.place > ASYMMETRY.place
 
 
 def test_refitting_never_makes_a_hypothesis_worse(damped):

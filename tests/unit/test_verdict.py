@@ -116,6 +116,46 @@ def test_a_pair_is_held_against_its_better_half_and_against_pairs_without_the_fi
     assert decided(nothing, ranked("a + c", 1.0, 9.0), **left).missing == ("a", "c")
 
 
+def test_what_stands_out_is_named_although_it_leaves_something_open():
+    ranking, left = [ranked("a", 0.99, 40.0), ranked("b", 0.01, 10.0), ranked(NOTHING, 0.0, 0.0)], [failure(0.001)]
+    found = decided(ranking, a=left)
+    assert (found.kind, found.missing) == ("effect", ("a",))
+    assert found.text.endswith("It does not explain everything, a check still fails: It fails there.")
+    # Not where another comes near, nor where what fails says that the law is another.
+    assert decided([ranking[0], ranked("b", 0.01, 16.0), ranking[2]], a=left).kind == "unexplained"
+    assert decided(ranking, a=[failure(0.001), failure(1e-7)]).kind == "unexplained"
+    assert decided([ranked(NOTHING, 0.99, 0.0), ranked("a", 0.01, -30.0)], **{NOTHING: left}).kind == "unexplained"
+
+
+def test_of_a_pair_that_stands_out_nothing_without_either_half_comes_near():
+    ranking = [ranked("a", 0.99, 40.0), ranked("b", 0.01, 10.0), ranked(NOTHING, 0.0, 0.0)]
+    left = {"a": [failure(0.001)], "a + b": [failure(0.001), failure(0.002)]}
+    found = decided(ranking, ranked("a + b", 1.0, 70.0), ranked("a + c", 1.0, 44.0), **left)
+    assert (found.kind, found.missing) == ("effect", ("a", "b"))
+    assert "2 checks still fail" in found.text
+    # However much a second one gains, it does not take the first back.
+    for pairs in ([ranked("a + b", 1.0, 70.0), ranked("a + c", 1.0, 46.0)], [ranked("a + b", 1.0, 64.0)]):
+        found = decided(ranking, *pairs, **left)
+        assert (found.kind, found.missing) == ("effect", ("a",))
+        assert "a check still fails" in found.text
+    near = [ranked("a", 0.99, 40.0), ranked("b", 0.01, 16.0), ranked(NOTHING, 0.0, 0.0)]
+    assert decided(near, ranked("a + b", 1.0, 64.0), **left).kind == "unexplained"
+
+
+def test_a_second_effect_is_named_beside_one_that_suffices_only_where_it_is_seen():
+    ranking = [ranked("a", 0.99, 40.0), ranked("b", 0.01, 5.0), ranked(NOTHING, 0.0, 0.0)]
+    assert decided(ranking, ranked("a + b", 1.0, 49.0), ranked("a + c", 1.0, 44.0)).missing == ("a", "b")
+    for pairs, left in (
+        ([ranked("a + b", 1.0, 47.0)], {}),
+        ([ranked("a + b", 1.0, 60.0), ranked("a + c", 1.0, 58.0)], {}),
+        ([ranked("a + b", 1.0, 60.0)], {"a + b": [failure(0.001)]}),
+        # Without the first it is no second.
+        ([ranked("b + c", 1.0, 60.0)], {"b + c": []}),
+    ):
+        found = decided(ranking, *pairs, **left)
+        assert (found.kind, found.missing) == ("effect", ("a",))
+
+
 def test_what_is_ruled_out_does_not_keep_anything_from_being_unexplained():
     ranking = [ranked("a", 0.79, 20.0), ranked("b", 0.2099, 18.0), ranked(NOTHING, 1e-4, 0.0)]
     left = {"a": [failure(0.001)], "b": [failure(0.001)]}
