@@ -8,7 +8,6 @@ from math import prod
 
 import numpy as np
 
-from chatter_core.effects import Effect
 from chatter_core.evidence.assessment import Limits
 from chatter_core.evidence.candidates import Candidate, Hypothesis
 from chatter_core.evidence.comparison import Comparison
@@ -160,18 +159,12 @@ def taken_over(
     """
     if pairs:
         base = refit(base, max(pairs, key=lambda pair: pair.fit.log_evidence).fit)
-    known, had = ground(base), _effects(base)
-    paired = {str(second): pair for pair in pairs for second in pair.candidates if second.name not in had}
+    known, paired = ground(base), {str(one): pair for pair in pairs for one in pair.candidates}
     jobs = [
         Job(name=str(one), call=partial(_taken_over, base.comparison, one, known, paired.get(str(one))))
         for one in candidates
     ]
     return Singles(base=base, fitted=spread(workers, jobs))
-
-
-def _effects(base: Hypothesis) -> set[str]:
-    """Return the names of the effects that a base model has."""
-    return {term.name() for term in base.comparison.model.terms if isinstance(term, Effect)}
 
 
 def _taken_over(base: Comparison, candidate: Candidate, nested: Ground, pair: Hypothesis | None) -> Hypothesis:

@@ -96,7 +96,9 @@ class Climb:
             if gain < smallest_gain:
                 reason, converged = f"the next step promises {gain:.2g} nats", True
                 break
-            found = self._climb_once(here, gradient, information, moving, damping, smallest_gain)
+            found = self._climb_once(
+                here, gradient, information, moving, damping, smallest_gain, eager=gain >= ROUGHNESS
+            )
             if found is None and gain >= ROUGHNESS and stuck is None:
                 # An edge, and a slope that leads beyond it: once, the fit goes on from there.
                 step, _ = _step(gradient, information, moving, 0.0)
@@ -284,9 +286,14 @@ class Climb:
         moving: NDArray[np.bool_],
         damping: float,
         smallest_gain: float,
+        *,
+        eager: bool,
     ) -> "tuple[_Place, float] | None":
-        """Return the next place and its damping; None where every step falls that promises ``smallest_gain``."""
-        eager, up = _step(gradient, information, moving, 0.0)[1] >= ROUGHNESS, DAMPING_UP
+        """Return the next place and its damping; None where every step falls that promises ``smallest_gain``.
+
+        eager: the first step is lengthened when it falls, too.
+        """
+        up = DAMPING_UP
         while damping <= DAMPING_MOST:
             step, promised = _step(gradient, information, moving, damping)
             if not eager and promised < smallest_gain:

@@ -110,8 +110,10 @@ def stay(base: Comparison, candidates: Sequence[Candidate], nested: Ground) -> H
     See docs/physics.md#diagnosis.
     """
     climb, at_null, _, _ = _at_null(base, candidates, nested)
-    fit = result(climb.problem, at_null, climb.evaluations, -np.inf)
-    return Hypothesis(candidates=tuple(candidates), comparison=extended(base, candidates), fit=fit)
+    comparison = climb.problem
+    assert isinstance(comparison, Comparison)
+    fit = result(comparison, at_null, climb.evaluations, -np.inf)
+    return Hypothesis(candidates=tuple(candidates), comparison=comparison, fit=fit)
 
 
 def _at_null(

@@ -73,7 +73,8 @@ def leading_pair(
 ) -> Ranked | None:
     """Return the best pair where it gains enough over what is simpler, else None; pairs: the best first.
 
-    Where the first suffices, a second effect has to be seen beside it, and not only one of several.
+    Where the first suffices, a second effect has to be seen beside it, and not only one of several. Where the first
+    stands out, none that leaves checks failed takes it back, unless it stands out itself.
 
     See docs/physics.md#diagnosis.
     """
@@ -83,7 +84,7 @@ def leading_pair(
     simpler = [ranking[0], *(one for one in ranking if one.name in best.best.names)]
     lead = best.gain - max(one.gain for one in simpler)
     if failed_checks(left[ranking[0].name]):
-        return best if lead > PAIR_GAIN else None
+        return best if lead > PAIR_GAIN and not _takes_back(best, ranking, pairs, left) else None
     is_second = ranking[0].name in best.best.names and len(tied_pairs(pairs)) == 1
     return best if is_second and lead > SECOND_GAIN and not failed_checks(left[best.name]) else None
 
@@ -107,7 +108,9 @@ def decide(
     best = pair or first
     checks = failed_checks(left[best.name])
     if checks and (pair is not None or not _another_suffices(ranking, left)):
-        return _standing_out(ranking, pairs, pair, left) or _unexplained(best, checks)
+        if not _stands_out(best, [*ranking, *pairs], checks):
+            return _unexplained(best, checks)
+        return _with_rest(_named(ranking) if pair is None else _two(pairs), checks)
     if pair is not None:
         return _two(pairs)
     return _nothing(ranking, powers) if first.name == NOTHING and not checks else _named(ranking)
@@ -120,17 +123,16 @@ def _another_suffices(ranking: Sequence[Ranked], left: Mapping[str, Sequence[Fai
     )
 
 
-def _standing_out(
-    ranking: Sequence[Ranked], pairs: Sequence[Ranked], pair: Ranked | None, left: Mapping[str, Sequence[Failure]]
-) -> Verdict | None:
-    """Return that the pair that leads is missing, or the first, although checks fail; None where neither stands out."""
-    answers = [*ranking, *pairs]
-    if pair is not None and _stands_out(pair, answers, failed_checks(left[pair.name])):
-        return _with_rest(_two(pairs), failed_checks(left[pair.name]))
-    first = ranking[0]
-    if _stands_out(first, answers, failed_checks(left[first.name])):
-        return _with_rest(_named(ranking), failed_checks(left[first.name]))
-    return None
+def _takes_back(
+    pair: Ranked, ranking: Sequence[Ranked], pairs: Sequence[Ranked], left: Mapping[str, Sequence[Failure]]
+) -> bool:
+    """Return whether the first stands out, and a pair in its place would be unexplained; both fail checks then."""
+    answers, checks = [*ranking, *pairs], failed_checks(left[pair.name])
+    return (
+        bool(checks)
+        and not _stands_out(pair, answers, checks)
+        and _stands_out(ranking[0], answers, failed_checks(left[ranking[0].name]))
+    )
 
 
 def _stands_out(one: Ranked, answers: Sequence[Ranked], checks: Sequence[Failure]) -> bool:

@@ -1,7 +1,5 @@
 """A second effect beside one that is named: looked for there, and taken over once the first belongs to the model."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -76,5 +74,5 @@ def test_places_are_sorted_by_what_they_promise(named):
         start = first.fit.estimate.copy()
         start[place] *= share
         starts.append(start)
-    best = most_promising(replace(first), starts)
+    best = most_promising(first, starts)
     assert [list(starts[number]) for number in (2, 3)] == [list(one) for one in best]

@@ -8,7 +8,7 @@ import pytest
 from chatter_core.evidence.failures import Failure
 from chatter_core.evidence.power import ENOUGH
 from chatter_core.evidence.ranking import NOTHING, NOTHING_MISSING, TEMPER, Ranked, rank
-from chatter_core.evidence.verdict import decide
+from chatter_core.evidence.verdict import decide, leading_pair
 
 
 @dataclass(frozen=True)
@@ -138,6 +138,8 @@ def test_of_a_pair_that_stands_out_nothing_without_either_half_comes_near():
         found = decided(ranking, *pairs, **left)
         assert (found.kind, found.missing) == ("effect", ("a",))
         assert "a check still fails" in found.text
+        # Whoever asks which answer leads is told the same.
+        assert leading_pair(ranking, pairs, {**NOTHING_LEFT, **left}) is None
     near = [ranked("a", 0.99, 40.0), ranked("b", 0.01, 16.0), ranked(NOTHING, 0.0, 0.0)]
     assert decided(near, ranked("a + b", 1.0, 64.0), **left).kind == "unexplained"
 
