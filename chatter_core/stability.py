@@ -11,7 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_core.chain import Structure, milling_equation
-from chatter_core.floquet import FloquetSolution, MethodSettings, analyse, critical_multiplier, leading_multipliers
+from chatter_core.floquet import (
+    DelayEquation,
+    FloquetSolution,
+    MethodSettings,
+    analyse,
+    analyse_with_leading,
+    critical_multiplier,
+    leading_multipliers,
+)
 from chatter_core.floquet.harmonics import square
 from chatter_core.machine import Machine
 from chatter_core.stages import Stages, stages_of
@@ -127,16 +135,49 @@ def branches(
     See docs/physics.md#critical-multiplier.
     """
     growth, frequency = np.full((2, len(axial_depth), count), np.nan)
-    candidates, resolved = _candidates(
-        stages, built, speed_index, np.ones(len(axial_depth)), np.zeros(len(axial_depth), dtype=np.uint8)
-    )
-    for points in _batches(candidates, resolved + len(stages.passages), method):
-        equation = milling_equation(stages, built, speed_index[points], axial_depth[points])
+    for points, equation in _equations(stages, built, speed_index, axial_depth, method):
         found = leading_multipliers(equation, method, count)
-        with np.errstate(divide="ignore"):
-            growth[points] = np.log(np.abs(per_tooth(found, stages.passages.repeat)))
-        frequency[points] = np.abs(np.angle(found)) / equation.period[:, None]
+        growth[points], frequency[points] = _grows(stages, equation, found)
     return growth, frequency
+
+
+def motions(
+    stages: Stages,
+    built: Structure,
+    speed_index: NDArray[np.intp],
+    axial_depth: Array,
+    method: MethodSettings,
+    count: int,
+) -> tuple[Array, Array, Array]:
+    """Return the chatter frequency [rad/s] as ``evaluate`` has it (point,), and what ``branches`` does.
+
+    Together they cost hardly more than either.
+
+    See docs/physics.md#critical-multiplier.
+    """
+    chatter, (growth, frequency) = np.full(len(axial_depth), np.nan), np.full((2, len(axial_depth), count), np.nan)
+    for points, equation in _equations(stages, built, speed_index, axial_depth, method):
+        solution, found = analyse_with_leading(equation, method, count)
+        chatter[points] = np.where(solution.converged, _strongest_line(solution), np.nan)
+        growth[points], frequency[points] = _grows(stages, equation, found)
+    return chatter, growth, frequency
+
+
+def _equations(
+    stages: Stages, built: Structure, speed_index: NDArray[np.intp], axial_depth: Array, method: MethodSettings
+) -> Iterator[tuple[NDArray[np.intp], DelayEquation]]:
+    """Yield batches of the points that can be analysed, and their equations."""
+    plain, status = np.ones(len(axial_depth)), np.zeros(len(axial_depth), dtype=np.uint8)
+    candidates, resolved = _candidates(stages, built, speed_index, plain, status)
+    for points in _batches(candidates, resolved + len(stages.passages), method):
+        yield points, milling_equation(stages, built, speed_index[points], axial_depth[points])
+
+
+def _grows(stages: Stages, equation: DelayEquation, multiplier: ComplexArray) -> tuple[Array, Array]:
+    """Return ln|mu| per tooth period and frequency [rad/s] of multipliers (point, count)."""
+    with np.errstate(divide="ignore"):
+        growth = np.log(np.abs(per_tooth(multiplier, stages.passages.repeat)))
+    return growth, np.abs(np.angle(multiplier)) / equation.period[:, None]
 
 
 def per_tooth(multiplier: ComplexArray, tooth_periods: int) -> ComplexArray:
@@ -222,9 +263,14 @@ def _fill(
     result.multiplier[points] = multiplier
     result.spectral_radius[points] = np.abs(multiplier)
     result.bifurcation[points] = _bifurcation(multiplier)
-    strongest = square(solution.output[good]).sum(axis=-1).argmax(axis=-1)
-    result.chatter_frequency[points] = np.abs(solution.exponent[good, strongest].imag)
+    result.chatter_frequency[points] = _strongest_line(solution)[good]
     result.mode_share[points] = _mode_share(built, speed[good], solution.exponent[good], solution.state[good])
+
+
+def _strongest_line(solution: FloquetSolution) -> Array:
+    """Return the frequency of the strongest line of each critical motion (point,) [rad/s]."""
+    strongest = square(solution.output).sum(axis=-1).argmax(axis=-1)
+    return np.asarray(np.abs(solution.exponent[np.arange(len(strongest)), strongest].imag))
 
 
 def _bifurcation(multiplier: NDArray[np.complex128]) -> NDArray[np.int8]:

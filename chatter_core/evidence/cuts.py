@@ -15,12 +15,14 @@ from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.stages import Indices, Stages
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import Machine
-from chatter_core.stability import branches, critical_multipliers, evaluate
+from chatter_core.stability import critical_multipliers, evaluate, motions
 
 #: Spectral radii below this are as good as none.
 SMALLEST_RADIUS = 1e-30
 #: Motions beside the critical one that may be heard where they grow too.
 OTHERS = 3
+#: Where they all die faster than this, ln|mu| per tooth period, none of them grows in a model that hardly differs.
+FAR_FROM_GROWING = -0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,9 +66,9 @@ class CutPrediction:
     margin: distance from the boundary in ln(depth), positive where unstable, NaN where the model has no answer;
     crossing: where that boundary lies, from the cut, NaN where none is in reach; chatter_frequency [rad/s], of the
     critical motion, NaN where none was asked for; other_frequency (cut, other): of others that grow too, NaN where
-    there are none; share (cut, 1 + other): of each, and each of its lines, in the growth of all; tooth_passing
-    frequency and line_spacing of a motion [rad/s], the same where teeth are alike; solved: whether the bearings have
-    an equilibrium.
+    there are none; share (cut, 1 + other): of each, and each of its lines, in the growth of all; runner_up: ln|mu| per
+    tooth period of the motion next to the critical one, -inf where there is none; tooth_passing frequency and
+    line_spacing of a motion [rad/s], the same where teeth are alike; solved: whether the bearings have an equilibrium.
     """
 
     margin: Array
@@ -74,6 +76,7 @@ class CutPrediction:
     chatter_frequency: Array
     other_frequency: Array
     share: Array
+    runner_up: Array
     tooth_passing: Array
     line_spacing: Array
     solved: NDArray[np.bool_]
@@ -127,8 +130,30 @@ def predict_cuts(
     heard = np.flatnonzero(cuts.heard[setup.points])
     if len(heard):
         at = depth[heard] * np.exp(where_it_chatters(margin, crossing)[heard])
-        _hear(found, heard, stages, built, setup.speed_index[heard], at, method)
+        alone = np.zeros(len(heard), dtype=bool)
+        if near is not None:
+            found.runner_up[heard] = near.runner_up[setup.points[heard]]
+            alone = found.runner_up[heard] < FAR_FROM_GROWING
+        found.tooth_passing[heard] = stages.machine.tool.teeth * built.spindle_speed[setup.speed_index[heard]]
+        found.line_spacing[heard] = found.tooth_passing[heard] / stages.passages.repeat
+        for which, hear in ((alone, _hear_alone), (~alone, _hear)):
+            if which.any():
+                hear(found, heard[which], stages, built, setup.speed_index[heard[which]], at[which], method)
     return found
+
+
+def _hear_alone(
+    found: CutPrediction,
+    heard: Indices,
+    stages: Stages,
+    built: Structure,
+    speed_index: Indices,
+    depth: Array,
+    method: MethodSettings,
+) -> None:
+    """Fill in what is heard in some of the cuts (heard,), at these depths, where nothing else can grow."""
+    critical = evaluate(stages, built, speed_index, depth, method, np.ones(len(heard)))
+    found.chatter_frequency[heard] = critical.chatter_frequency
 
 
 def _hear(
@@ -141,9 +166,9 @@ def _hear(
     method: MethodSettings,
 ) -> None:
     """Fill in what is heard in some of the cuts (heard,), at these depths."""
-    critical = evaluate(stages, built, speed_index, depth, method, np.ones(len(heard)))
-    found.chatter_frequency[heard] = critical.chatter_frequency
-    growth, frequency = branches(stages, built, speed_index, depth, method, 1 + OTHERS)
+    critical, growth, frequency = motions(stages, built, speed_index, depth, method, 1 + OTHERS)
+    found.chatter_frequency[heard] = critical
+    found.runner_up[heard] = np.nan_to_num(growth[:, 1], nan=-np.inf)
     grows = np.nan_to_num(growth, nan=0.0, neginf=0.0).clip(min=0.0)
     # Where nothing grows, at a crossing, it is the critical motion that would.
     grows[~grows.any(axis=1), 0] = 1.0
@@ -152,8 +177,6 @@ def _hear(
     share[:, 1:] /= stages.passages.repeat
     found.share[heard] = share
     found.other_frequency[heard] = np.where(grows > 0.0, frequency, np.nan)[:, 1:]
-    found.tooth_passing[heard] = stages.machine.tool.teeth * built.spindle_speed[speed_index]
-    found.line_spacing[heard] = found.tooth_passing[heard] / stages.passages.repeat
 
 
 def _silent(count: int) -> dict[str, Array]:
@@ -164,6 +187,7 @@ def _silent(count: int) -> dict[str, Array]:
         "chatter_frequency": np.full(count, np.nan),
         "other_frequency": np.full((count, OTHERS), np.nan),
         "share": share,
+        "runner_up": np.full(count, -np.inf),
         "tooth_passing": np.full(count, np.nan),
         "line_spacing": np.full(count, np.nan),
     }

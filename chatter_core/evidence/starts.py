@@ -59,7 +59,7 @@ def promises(
     """
     shapes = shapes_of(new, comparison, at_null)
     first = starts_at(comparison, own, new, amplitudes[:1], shapes)
-    first += _scanned(new, comparison, own) if scanned else []
+    first += _scanned(new, comparison, own, amplitudes) if scanned else []
     found = [(worth.of(start), start) for start in first]
 
     def add(starts: Iterable[Array]) -> None:
@@ -127,11 +127,15 @@ def scanned_widely(new: Candidate, comparison: Comparison) -> bool:
     return new.scan is not None and (silent or any(p.name == new.scan[0] for p in new.amplitudes))
 
 
-def _scanned(new: Candidate, comparison: Comparison, own: Array) -> list[Array]:
-    """Return starts (parameter,) at the values that are looked at one by one."""
+def _scanned(new: Candidate, comparison: Comparison, own: Array, amplitudes: Sequence[float]) -> list[Array]:
+    """Return starts (parameter,) at the values that are looked at one by one, of strengths none above the largest."""
     if new.scan is None:
         return []
     name, values = new.scan
+    for strength in new.amplitudes:
+        if strength.name == name:
+            largest = max(amplitudes) * strength.prior_width
+            values = tuple(one for one in values if abs(one - strength.null) <= largest)
     strengths = SCANNED_AMPLITUDES if scanned_widely(new, comparison) else SCANNED_AMPLITUDES[:1]
     sizes = [{p.name: _within(p, p.null + size * p.prior_width) for p in new.amplitudes} for size in strengths]
     found = list[Array]()

@@ -44,7 +44,25 @@ def analyse(equation: DelayEquation, method: MethodSettings, refinement: Array |
 
     See docs/physics.md#critical-multiplier.
     """
-    critical = critical_motion(equation, method, refinement)
+    return _with_harmonics(equation, critical_motion(equation, method, refinement))
+
+
+def analyse_with_leading(
+    equation: DelayEquation, method: MethodSettings, count: int
+) -> tuple[FloquetSolution, ComplexArray]:
+    """Return what ``analyse`` and ``leading_multipliers`` do for hardly more than either.
+
+    Raises UnsupportedEquation when the method does not solve such an equation.
+
+    See docs/physics.md#critical-multiplier.
+    """
+    operator, residual = _operator(equation, method, 1.0)
+    critical, leading = multipliers.critical_motion_and_leading(operator, count, residual, LEADING_RESIDUAL)
+    return _with_harmonics(equation, _where_known(equation, critical)), _known_leading(equation, leading)
+
+
+def _with_harmonics(equation: DelayEquation, critical: CriticalMotion) -> FloquetSolution:
+    """Return a critical motion with its harmonics."""
     # What did not converge gets a harmless value here and is marked in the answer.
     multiplier = np.where(critical.converged, critical.multiplier, 1.0)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -83,7 +101,11 @@ def leading_multipliers(equation: DelayEquation, method: MethodSettings, count: 
     See docs/physics.md#critical-multiplier.
     """
     operator, _ = _operator(equation, method, 1.0)
-    found = multipliers.leading_multipliers(operator, count, LEADING_RESIDUAL)
+    return _known_leading(equation, multipliers.leading_multipliers(operator, count, LEADING_RESIDUAL))
+
+
+def _known_leading(equation: DelayEquation, found: ComplexArray) -> ComplexArray:
+    """Return multipliers (point, count), NaN where the equation itself is not known."""
     return found if equation.known is None else np.where(equation.known[:, None], found, np.nan)
 
 

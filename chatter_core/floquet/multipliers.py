@@ -11,7 +11,7 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_core.floquet.ritz import dominant_pair
+from chatter_core.floquet.ritz import dominant_pair, leading_values
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -88,12 +88,16 @@ class CriticalMotion:
     force: ComplexArray
 
 
-def critical_motion(monodromy: Monodromy, residual_tolerance: float = RESIDUAL_TOLERANCE) -> CriticalMotion:
+def critical_motion(
+    monodromy: Monodromy, residual_tolerance: float = RESIDUAL_TOLERANCE, known: Krylov | None = None
+) -> CriticalMotion:
     """Return the critical multiplier of every point and the force of its motion.
+
+    known: as ``critical_multiplier`` takes it.
 
     See docs/physics.md#critical-multiplier.
     """
-    critical = critical_multiplier(monodromy, residual_tolerance)
+    critical = critical_multiplier(monodromy, residual_tolerance, known)
     with np.errstate(over="ignore", invalid="ignore"):
         time, weight, force = monodromy.force(critical.vector)
     return CriticalMotion(
@@ -101,8 +105,12 @@ def critical_motion(monodromy: Monodromy, residual_tolerance: float = RESIDUAL_T
     )
 
 
-def critical_multiplier(monodromy: Monodromy, residual_tolerance: float = RESIDUAL_TOLERANCE) -> CriticalMultiplier:
+def critical_multiplier(
+    monodromy: Monodromy, residual_tolerance: float = RESIDUAL_TOLERANCE, known: Krylov | None = None
+) -> CriticalMultiplier:
     """Return the multiplier of largest modulus of every point.
+
+    known: a Krylov space of all points, which is tested first and gone on from.
 
     The Krylov space grows until the Ritz value of largest modulus has a residual below the tolerance,
     relative to it; a larger Ritz value that has not settled yet therefore never hides behind a
@@ -114,20 +122,19 @@ def critical_multiplier(monodromy: Monodromy, residual_tolerance: float = RESIDU
     See docs/physics.md#critical-multiplier.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        return _critical_multiplier(monodromy, residual_tolerance)
+        return _critical_multiplier(monodromy, residual_tolerance, known)
 
 
-def _critical_multiplier(monodromy: Monodromy, residual_tolerance: float) -> CriticalMultiplier:
+def _critical_multiplier(monodromy: Monodromy, residual_tolerance: float, known: Krylov | None) -> CriticalMultiplier:
     points, size = monodromy.shape
     value = np.zeros(points, dtype=complex)
     vector = np.zeros((points, size), dtype=complex)
     residual = np.full(points, np.inf)
     start = start_vector(size)
     open_points = np.arange(points)
-    first = _felt(monodromy)
-    known: Krylov | None = None
+    first, done = _felt(monodromy), 1 if known is None else known[1].shape[2]
     beyond = (*BEFORE_STATES, *BEYOND_STATES) if monodromy.several_delays else BEYOND_STATES
-    for wanted in sorted({min(max(first + more, 1), size) for more in beyond}):
+    for wanted in sorted({min(max(first + more, done), size) for more in beyond}):
         basis, hessenberg = monodromy.krylov(start, wanted, known)
         theta, ritz, error = dominant_pair(basis, hessenberg, residual_tolerance)
         value[open_points], vector[open_points], residual[open_points] = theta, ritz, error
@@ -162,16 +169,27 @@ def leading_multipliers(monodromy: Monodromy, count: int, residual_tolerance: fl
 
     See docs/physics.md#critical-multiplier.
     """
+    _, hessenberg = _wide_krylov(monodromy)
+    return leading_values(hessenberg, count, residual_tolerance)
+
+
+def critical_motion_and_leading(
+    monodromy: Monodromy, count: int, residual_tolerance: float, leading_tolerance: float
+) -> tuple[CriticalMotion, ComplexArray]:
+    """Return what ``critical_motion`` and ``leading_multipliers`` do, each with its tolerance, from one Krylov space.
+
+    See docs/physics.md#critical-multiplier.
+    """
+    known = _wide_krylov(monodromy)
+    leading = leading_values(known[1], count, leading_tolerance)
+    return critical_motion(monodromy, residual_tolerance, known), leading
+
+
+def _wide_krylov(monodromy: Monodromy) -> Krylov:
+    """Return the Krylov space in which multipliers beside the critical one are read."""
     size = monodromy.shape[1]
-    steps = min(_felt(monodromy) + BESIDE_STATES, size)
     with np.errstate(over="ignore", invalid="ignore"):
-        _, hessenberg = monodromy.krylov(start_vector(size), steps)
-    finite = np.asarray(np.isfinite(hessenberg).all(axis=(1, 2)))
-    value, vector = np.linalg.eig(np.where(finite[:, None, None], hessenberg[:, :steps], 0.0))
-    residual = np.abs(hessenberg[:, steps, steps - 1, None] * vector[:, -1])
-    settled = (residual <= residual_tolerance * np.abs(value)) & (value.imag >= 0.0) & finite[:, None]
-    order = np.argsort(np.where(settled, -np.abs(value), np.inf), axis=1, kind="stable")[:, :count]
-    return np.asarray(np.take_along_axis(np.where(settled, value, np.nan), order, axis=1))
+        return monodromy.krylov(start_vector(size), min(_felt(monodromy) + BESIDE_STATES, size))
 
 
 def arnoldi(apply: Callable[[Array], Array], start: Array, steps: int, known: Krylov | None = None) -> Krylov:

@@ -51,6 +51,37 @@ def dominant_pair(basis: Array, hessenberg: Array, tolerance: float) -> tuple[Co
     return value, vector, residual
 
 
+def leading_values(hessenberg: Array, count: int, tolerance: float) -> ComplexArray:
+    """Return the Ritz values of largest modulus (point, count), descending, one of each complex pair.
+
+    hessenberg: (point, steps + 1, steps); those whose residual exceeds the tolerance, relative to the modulus, are
+    left out, and NaN stands where fewer are left.
+
+    See docs/physics.md#critical-multiplier.
+    """
+    found = np.full((len(hessenberg), count), np.nan, dtype=complex)
+    _leading_values(hessenberg, tolerance, found)
+    return found
+
+
+@compiled
+def _leading_values(hessenberg, tolerance, found):  # type: ignore[no-untyped-def]
+    size = hessenberg.shape[2]
+    for p in range(len(found)):
+        real, imaginary = _eigenvalues(hessenberg[p], size)
+        order, taken = np.argsort(-np.hypot(real, imaginary)), 0
+        for i in order:
+            value = complex(real[i], imaginary[i])
+            if taken == found.shape[1] or value == 0.0:
+                break
+            if imaginary[i] < 0.0:
+                continue
+            residual = hessenberg[p, size, size - 1] * abs(_eigenvector(hessenberg[p], size, value)[size - 1])
+            if residual <= tolerance * abs(value):
+                found[p, taken] = value
+                taken += 1
+
+
 @compiled
 def _dominant_pairs(basis, hessenberg, tolerance, value, vector, residual):  # type: ignore[no-untyped-def]
     size = hessenberg.shape[2]
@@ -74,27 +105,36 @@ def _dominant_pairs(basis, hessenberg, tolerance, value, vector, residual):  # t
 @compiled
 def _largest_eigenvalue(hessenberg, size):  # type: ignore[no-untyped-def]
     """Return the eigenvalue of largest modulus, zero if there is none."""
-    matrix = np.empty((size, size))
+    real, imaginary = _eigenvalues(hessenberg, size)
+    best, largest = 0.0 + 0.0j, 0.0
+    for i in range(size):
+        modulus = math.hypot(real[i], imaginary[i]) * (1.0 + TIE * (imaginary[i] >= 0.0))
+        if modulus > largest:
+            best, largest = complex(real[i], imaginary[i]), modulus
+    return best
+
+
+@compiled
+def _eigenvalues(hessenberg, size):  # type: ignore[no-untyped-def]
+    """Return real and imaginary parts of all eigenvalues; zeros if LAPACK finds none, or the matrix is not finite."""
+    matrix, real, imaginary = np.empty((size, size)), np.zeros(size), np.zeros(size)
     for i in range(size):
         for j in range(size):
             matrix[j, i] = hessenberg[i, j]  # LAPACK counts along columns
             if not np.isfinite(hessenberg[i, j]):
-                return 0.0 + 0.0j
+                return real, imaginary
     letters, whole = np.empty(2, np.uint8), np.empty(7, np.int32)
     letters[0], letters[1] = EIGENVALUES_ONLY, NO
     whole[0], whole[1], whole[2], whole[3], whole[4], whole[5] = size, 1, size, size, 1, 11 * size
-    real, imaginary, work = np.zeros(size), np.zeros(size), np.empty(11 * size)
+    work = np.empty(11 * size)
     _dhseqr(
         letters.ctypes, letters[1:].ctypes, whole.ctypes, whole[1:].ctypes, whole[2:].ctypes, matrix.ctypes,
         whole[3:].ctypes, real.ctypes, imaginary.ctypes, work.ctypes, whole[4:].ctypes, work.ctypes,
         whole[5:].ctypes, whole[6:].ctypes,
     )  # fmt: skip
-    best, largest = 0.0 + 0.0j, 0.0
-    for i in range(size if whole[6] == 0 else 0):
-        modulus = math.hypot(real[i], imaginary[i]) * (1.0 + TIE * (imaginary[i] >= 0.0))
-        if modulus > largest:
-            best, largest = complex(real[i], imaginary[i]), modulus
-    return best
+    if whole[6] != 0:
+        real[:], imaginary[:] = 0.0, 0.0
+    return real, imaginary
 
 
 @compiled
