@@ -24,7 +24,7 @@ from chatter_core.machine import Machine
 from chatter_core.stability import branches, critical_multipliers
 
 #: Speeds and depths of a field, and of the coarser one over which its deviation is known.
-GRID, COARSE_GRID = (320, 96), (160, 48)
+GRID, COARSE_GRID = (320, 96), (120, 36)
 #: How far beyond the trials a field reaches: a share of the range of speeds to both sides, a factor of depth.
 SPEED_MARGIN, DEPTH_MARGIN = 0.04, 1.15
 #: Differences are taken over this share of a parameter's standard deviation: where another branch of multipliers

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from chatter_core.floquet import collocation, compiled
+from chatter_core.floquet import (
+    MethodSettings,
+    analyse,
+    analyse_with_leading,
+    collocation,
+    compiled,
+)
+from chatter_core.floquet import (
+    leading_multipliers as leading_of,
+)
 from chatter_core.floquet.multipliers import critical_motion, leading_multipliers
 from tests.conftest import milling_benchmark, oscillator
 from tests.property.test_stability_invariances import CUTS, MODES, equation, tip_modes
@@ -63,6 +72,23 @@ def test_leading_multipliers_are_the_eigenvalues_of_the_map():
     found = leading_multipliers(compiled.build(problem), 2, 1e-6)[0]
     # A residual of 1e-6, times the condition of multipliers that are far from normal.
     assert np.abs(found) == pytest.approx(np.sort(np.abs(exact))[::-1][:2], rel=1e-4)
+
+
+def test_one_space_tells_the_critical_motion_and_the_multipliers_beside_it():
+    """Of cuts from idle to deep, what either finds by itself."""
+    method = MethodSettings(name="collocation", tolerance=1e-4)
+    problem = milling_benchmark(
+        direction="down", immersion=0.5, rpm=[6000.0] * 3, depth_mm=[0.05, 0.8, 4.0], axes=(0, 1)
+    )
+    alone, (together, leading) = analyse(problem, method), analyse_with_leading(problem, method, 3)
+    # The same space is read for those beside it.
+    assert np.array_equal(leading, leading_of(problem, method, 3), equal_nan=True)
+    assert together.converged.all()
+    # Each pair has a residual of at most 1e-7, and lines are as exact as their multiplier.
+    assert together.multiplier == pytest.approx(alone.multiplier, rel=1e-5)
+    assert np.abs(together.multiplier) == pytest.approx(np.abs(leading[:, 0]), rel=1e-5)
+    strongest = np.abs(alone.output).sum(axis=-1).argmax(axis=-1)
+    assert np.array_equal(strongest, np.abs(together.output).sum(axis=-1).argmax(axis=-1))
 
 
 def test_forces_belong_to_the_same_motion():

@@ -8,7 +8,7 @@ import pytest
 from chatter_core import chain, tip
 from chatter_core.effects import variants
 from chatter_core.errors import InvalidInput
-from chatter_core.evidence import Comparison, base_model
+from chatter_core.evidence import Comparison, base_model, cuts
 from chatter_core.evidence.measured import (
     DIRECTIONS,
     OUTCOMES,
@@ -20,6 +20,7 @@ from chatter_core.evidence.nuisances import machine_nuisances
 from chatter_core.evidence.parameters import Parameter
 from chatter_core.evidence.prediction import FITTING_METHOD, STRUCTURAL, CampaignModel
 from chatter_core.lobes import lobe_block
+from chatter_core.stability import motions
 from tests.synthetic import RPM, campaign, receptance, tip_machine, trials
 
 SPEEDS = np.array([3600.0, 4700.0, 7000.0]) * RPM
@@ -150,6 +151,25 @@ def test_what_is_taken_over_from_nearby_is_what_would_be_computed(reference_mach
                 assert found == pytest.approx(expected, rel=1e-9, abs=5e-5, nan_ok=True), parameter.name
             kept = {"cut": "response", "measurement": "cuts"}.get(parameter.touches)
             assert kept is None or getattr(there, kept) is getattr(here, kept)
+
+
+def test_motions_that_cannot_grow_are_not_looked_for_nearby(reference_machine, monkeypatch):
+    model = base_model(everything(reference_machine))
+    here = model.predict(model.nulls)
+    aside = model.nulls + [0.01 * p.prior_width if p.touches == "structure" else 0.0 for p in model.parameters]
+    fresh, asked, found = model.predict(aside), [], {}
+    monkeypatch.setattr(cuts, "motions", lambda *given: asked.append(given) or motions(*given))
+    for limit in (-np.inf, np.inf):
+        monkeypatch.setattr(cuts, "FAR_FROM_GROWING", limit)
+        asked.clear()
+        found[limit] = model.predict(aside, here).cuts
+        assert bool(asked) == (limit < 0.0)
+    for one in found.values():
+        heard = np.isfinite(one.chatter_frequency)
+        assert heard.any()
+        # Crossings that are followed are off by the square of what moved.
+        assert one.chatter_frequency[heard] == pytest.approx(fresh.cuts.chatter_frequency[heard], rel=1e-5)
+        assert np.array_equal(one.tooth_passing, fresh.cuts.tooth_passing, equal_nan=True)
 
 
 def test_sensors_show_gain_phase_and_frequency_scale():
