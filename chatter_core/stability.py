@@ -175,8 +175,7 @@ def _equations(
 
 def _grows(stages: Stages, equation: DelayEquation, multiplier: ComplexArray) -> tuple[Array, Array]:
     """Return ln|mu| per tooth period and frequency [rad/s] of multipliers (point, count)."""
-    with np.errstate(divide="ignore"):
-        growth = np.log(np.abs(per_tooth(multiplier, stages.passages.repeat)))
+    growth = np.log(np.abs(per_tooth(multiplier, stages.passages.repeat)))
     return growth, np.abs(np.angle(multiplier)) / equation.period[:, None]
 
 

@@ -1,10 +1,11 @@
 """The search for what is missing: single effects and pairs are fitted, spread over workers, and ranked."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import prod
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,6 @@ from chatter_core.evidence.pursuit import (
     most_promising,
     pursue,
     refit,
-    settle,
     stay,
 )
 from chatter_core.evidence.ranking import NOTHING, Ranked, rank
@@ -34,10 +34,10 @@ from pipeline.profiling import profiled
 CLOSE = 12.0
 #: Where the base model rises by more than this from the best effect's place [nats], all is looked at again, once.
 RISEN, GROUNDS = 1.0, 2
-#: But for what stays so far behind the best all the same [nats]. What promises so much less than another has gained is
-#: not climbed from there either: of 41 effects that move no modes, on d01 to d06, climbs gained 23 nats at most beyond
-#: what was promised.
-OUT_OF_REACH = 40.0
+#: But for what stays so far behind the best all the same [nats]. What is of the cut alone and promises so much less
+#: than another has gained is not climbed from there either: of 41 such effects, on d01 to d06, climbs gained 23 nats at
+#: most beyond what was promised, and by 25 a verdict may hang on what is second.
+OUT_OF_REACH = 50.0
 #: Effects of which pairs are tried, the most probable, and second effects that are fitted beside each, those that
 #: promise most; beside one that suffices, of those that promise so much [nats].
 FIRSTS, SECONDS, SEEN = 2, 4, 2.0
@@ -69,7 +69,8 @@ def singles(workers: Workers | None, base: Hypothesis, candidates: Sequence[Cand
     found: list[Hypothesis] = []
     again = [True] * len(candidates)
     for _ in range(GROUNDS):
-        found = _higher(found, _climbed(workers, _beside(workers, base, candidates, again)))
+        near, promised = _beside(workers, base, candidates, again)
+        found = _higher(found, _climbed(workers, near))
         first, before = rank(base, found)[0], base.fit.log_evidence
         if first.name != NOTHING:
             # The base model gets the same chance to arrive as what is held against it.
@@ -79,48 +80,51 @@ def singles(workers: Workers | None, base: Hypothesis, candidates: Sequence[Cand
             # What stood where the base model was has not been held against a better one.
             break
         best = max(one.fit.log_evidence for one in found)
-        again = [one.fit.log_evidence + risen > best - OUT_OF_REACH for one in found]
+        heights = [max(one.fit.log_evidence, height) for one, height in zip(found, promised, strict=True)]
+        again = [height + risen > best - OUT_OF_REACH for height in heights]
     return Singles(base=base, fitted=found)
 
 
 def _beside(
     workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate], wanted: Sequence[bool]
-) -> list[Hypothesis]:
-    """Return every candidate beside a base model, near its maximum; those that are not wanted at their nulls.
+) -> tuple[list[Hypothesis], list[float]]:
+    """Return every candidate beside a base model, near its maximum, and the log evidence that it promised.
 
-    All are looked at before any is climbed. What moves no modes and promises less than another waits until that is
-    climbed, and where it is out of reach then stays where it promises most.
+    Those that are not wanted stay at their nulls, and promise nothing. All others are looked at before any is climbed.
+    One of the cut alone that promises less than another waits until that is climbed, and where it is out of reach then
+    it stays at its null, too.
     """
     nested, numbers = ground(base), range(len(candidates))
-    looks = {
-        number: Job(name=str(candidates[number]), call=partial(look, base.comparison, [candidates[number]], nested))
-        for number in numbers
-        if wanted[number]
-    }
+
+    def job(name: str, step: Callable[..., Any], number: int) -> Job:
+        return Job(
+            name=f"{candidates[number]}{name}", call=partial(step, base.comparison, [candidates[number]], nested)
+        )
+
+    looks = {number: job("", look, number) for number in numbers if wanted[number]}
     prospects: dict[int, Prospect] = dict(zip(looks, spread(workers, list(looks.values())), strict=True))
     most = max((one.promise for one in prospects.values()), default=0.0)
-    later = {i for i, one in prospects.items() if not one.moves_modes and one.promise + CLOSE < most}
-    calls = {
-        i: partial(pursue, prospects[i]) if i in prospects else partial(stay, base.comparison, [candidates[i]], nested)
-        for i in numbers
-        if i not in later
+    later = {number for number, one in prospects.items() if one.is_of_cut and one.promise + CLOSE < most}
+    jobs = {
+        number: _pursued(prospects[number]) if number in prospects else job(", at its null", stay, number)
+        for number in numbers
+        if number not in later
     }
-    found = _fitted(workers, candidates, calls)
+    found = dict(zip(jobs, spread(workers, list(jobs.values())), strict=True))
     best = max((one.fit.log_evidence for one in found.values()), default=-np.inf) - base.fit.log_evidence
-    found |= _fitted(
-        workers,
-        candidates,
-        {i: partial(pursue if prospects[i].promise > best - OUT_OF_REACH else settle, prospects[i]) for i in later},
-    )
-    return [found[number] for number in numbers]
+    within_reach = {number for number in later if prospects[number].promise > best - OUT_OF_REACH}
+    jobs = {
+        number: _pursued(prospects[number]) if number in within_reach else job(", at its null", stay, number)
+        for number in later
+    }
+    found |= dict(zip(jobs, spread(workers, list(jobs.values())), strict=True))
+    promised = [base.fit.log_evidence + prospects[i].promise if i in prospects else -np.inf for i in numbers]
+    return [found[number] for number in numbers], promised
 
 
-def _fitted(
-    workers: Workers | None, candidates: Sequence[Candidate], calls: Mapping[int, Callable[[], Hypothesis]]
-) -> dict[int, Hypothesis]:
-    """Return what calls answer, by the number of their candidate."""
-    jobs = [Job(name=f"{candidates[number]}, fitted", call=call) for number, call in calls.items()]
-    return dict(zip(calls, spread(workers, jobs), strict=True))
+def _pursued(prospect: Prospect) -> Job:
+    """Return the job that climbs from where an effect promises most."""
+    return Job(name=f"{prospect.candidates[-1]}, climbed", call=partial(pursue, prospect))
 
 
 def arrived(workers: Workers | None, found: Singles) -> Singles:

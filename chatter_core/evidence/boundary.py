@@ -79,6 +79,7 @@ def field(
     place = np.stack(np.meshgrid(speed, depth, indexing="ij"), axis=-1)
     coarse_axes = _axes(model, points, coarse_grid)
     coarse = _deviation(model, machine, known, *coarse_axes)
+    deviation = RegularGridInterpolator(coarse_axes, coarse, bounds_error=False, fill_value=None)(place)
     return Field(
         machine=machine,
         trials=points[points < model.cuts.trials],
@@ -86,7 +87,8 @@ def field(
         spindle_speed=speed,
         axial_depth=depth,
         growth=_growth_near_boundary(model.stages(known.estimate, machine), model, speed, depth),
-        deviation=RegularGridInterpolator(coarse_axes, coarse, bounds_error=False, fill_value=None)(place),
+        # Above the coarse grid's first depth it is told by the slope from there, which may lead below none.
+        deviation=np.maximum(deviation, 0.0),
     )
 
 
@@ -186,7 +188,7 @@ def _sureness(
     """
     growth, frequency = cells.motions(estimate)
     slopes = []
-    # Motions that are missing have no number, those that die at once an infinite one; neither is a growing one.
+    # Motions that are missing have no number, and are no growing ones.
     with np.errstate(invalid="ignore", divide="ignore"):
         for _, aside, by in asides:
             moved, heard = cells.motions(aside)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from chatter_core.chain import Structure
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.columns import NO_WORD
-from chatter_core.evidence.margin import followed_margins, margins
+from chatter_core.evidence.margin import FARTHEST, followed_margins, margins
 from chatter_core.evidence.measured import DIRECTIONS, Trials
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.stages import Indices, Stages
@@ -67,8 +67,9 @@ class CutPrediction:
     crossing: where that boundary lies, from the cut, NaN where none is in reach; chatter_frequency [rad/s], of the
     critical motion, NaN where none was asked for; other_frequency (cut, other): of others that grow too, NaN where
     there are none; share (cut, 1 + other): of each, and each of its lines, in the growth of all; runner_up: ln|mu| per
-    tooth period of the motion next to the critical one, -inf where there is none; tooth_passing frequency and
-    line_spacing of a motion [rad/s], the same where teeth are alike; solved: whether the bearings have an equilibrium.
+    tooth period of the motion next to the critical one, NaN where unknown, and that of a prediction nearby where it was
+    taken over; tooth_passing frequency and line_spacing of a motion [rad/s], the same where teeth are alike; solved:
+    whether the bearings have an equilibrium.
     """
 
     margin: Array
@@ -132,7 +133,9 @@ def predict_cuts(
         at = depth[heard] * np.exp(where_it_chatters(margin, crossing)[heard])
         alone = np.zeros(len(heard), dtype=bool)
         if near is not None:
-            found.runner_up[heard] = near.runner_up[setup.points[heard]]
+            before = where_it_chatters(near.margin, near.crossing)[setup.points[heard]]
+            beside = np.abs(np.log(at / depth[heard]) - before) <= FARTHEST
+            found.runner_up[heard] = np.where(beside, near.runner_up[setup.points[heard]], np.nan)
             alone = found.runner_up[heard] < FAR_FROM_GROWING
         found.tooth_passing[heard] = stages.machine.tool.teeth * built.spindle_speed[setup.speed_index[heard]]
         found.line_spacing[heard] = found.tooth_passing[heard] / stages.passages.repeat
@@ -168,7 +171,7 @@ def _hear(
     """Fill in what is heard in some of the cuts (heard,), at these depths."""
     critical, growth, frequency = motions(stages, built, speed_index, depth, method, 1 + OTHERS)
     found.chatter_frequency[heard] = critical
-    found.runner_up[heard] = np.nan_to_num(growth[:, 1], nan=-np.inf)
+    found.runner_up[heard] = growth[:, 1]
     grows = np.nan_to_num(growth, nan=0.0, neginf=0.0).clip(min=0.0)
     # Where nothing grows, at a crossing, it is the critical motion that would.
     grows[~grows.any(axis=1), 0] = 1.0
@@ -187,7 +190,7 @@ def _silent(count: int) -> dict[str, Array]:
         "chatter_frequency": np.full(count, np.nan),
         "other_frequency": np.full((count, OTHERS), np.nan),
         "share": share,
-        "runner_up": np.full(count, -np.inf),
+        "runner_up": np.full(count, np.nan),
         "tooth_passing": np.full(count, np.nan),
         "line_spacing": np.full(count, np.nan),
     }

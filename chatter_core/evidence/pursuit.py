@@ -104,9 +104,12 @@ class Prospect:
         return max(promise for promise, _ in self.starts)
 
     @property
-    def moves_modes(self) -> bool:
-        """Whether the new effect may move modes: where those have bent to imitate it, starts promise too little."""
-        return any(parameter.touches != "cut" for parameter in self.candidates[-1].term.parameters)
+    def is_of_cut(self) -> bool:
+        """Whether all parameters of the new effect are of the cut alone: then starts promise about what a climb gains.
+
+        A model whose modes have bent to imitate an effect of the structure hides most of what that gains.
+        """
+        return all(parameter.touches == "cut" for parameter in self.candidates[-1].term.parameters)
 
 
 def stay(base: Comparison, candidates: Sequence[Candidate], nested: Ground) -> Hypothesis:
@@ -186,19 +189,6 @@ def pursue(prospect: Prospect) -> Hypothesis:
             found = _higher(found, climb.approach(start, START_GAIN, None, None, found.log_posterior))
     if (reached := _reached_at_rest(prospect)) is not None:
         found = _higher(found, climb.approach(reached, START_GAIN, None, None, found.log_posterior))
-    fit = result(comparison, found, climb.evaluations, -np.inf)
-    return Hypothesis(candidates=prospect.candidates, comparison=comparison, fit=fit)
-
-
-def settle(prospect: Prospect) -> Hypothesis:
-    """Return a model with one effect more where it promises most, or at its null where that is higher, not climbed.
-
-    See docs/physics.md#diagnosis.
-    """
-    climb, (_, start) = prospect.climb, max(prospect.starts, key=lambda one: one[0])
-    comparison = climb.problem
-    assert isinstance(comparison, Comparison)
-    found = _higher(prospect.at_null, climb.stay(start, prospect.known, prospect.added))
     fit = result(comparison, found, climb.evaluations, -np.inf)
     return Hypothesis(candidates=prospect.candidates, comparison=comparison, fit=fit)
 

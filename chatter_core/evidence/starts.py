@@ -19,6 +19,8 @@ from chatter_core.evidence.parameters import Array, Evaluation, Parameter
 AMPLITUDES = (1.0, 0.3, 0.5, 2.0, 3.0)
 #: Those that are looked at beside a model that fails no check: a strong effect more would have failed some.
 SLIGHT_AMPLITUDES = (1.0, 0.3)
+#: By this share a scanned strength may be above the largest that is looked at: both are products.
+ROUNDING = 1e-9
 #: Shapes at which it is, in widths of theirs.
 SHAPES = (-1.2, -0.6, 0.0, 0.6, 1.2)
 #: Nearer to each other than this shapes are one, in widths of theirs.
@@ -128,14 +130,14 @@ def scanned_widely(new: Candidate, comparison: Comparison) -> bool:
 
 
 def _scanned(new: Candidate, comparison: Comparison, own: Array, amplitudes: Sequence[float]) -> list[Array]:
-    """Return starts (parameter,) at the values that are looked at one by one, of strengths none above the largest."""
+    """Return starts (parameter,) at the values that are looked at one by one; where slight strengths are, no others."""
     if new.scan is None:
         return []
     name, values = new.scan
-    for strength in new.amplitudes:
-        if strength.name == name:
-            largest = max(amplitudes) * strength.prior_width
-            values = tuple(one for one in values if abs(one - strength.null) <= largest)
+    scanned = next((p for p in new.amplitudes if p.name == name), None)
+    if scanned is not None and max(amplitudes) < max(AMPLITUDES):
+        largest = (1.0 + ROUNDING) * max(amplitudes) * scanned.prior_width
+        values = tuple(one for one in values if abs(one - scanned.null) <= largest)
     strengths = SCANNED_AMPLITUDES if scanned_widely(new, comparison) else SCANNED_AMPLITUDES[:1]
     sizes = [{p.name: _within(p, p.null + size * p.prior_width) for p in new.amplitudes} for size in strengths]
     found = list[Array]()

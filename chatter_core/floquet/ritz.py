@@ -54,8 +54,8 @@ def dominant_pair(basis: Array, hessenberg: Array, tolerance: float) -> tuple[Co
 def leading_values(hessenberg: Array, count: int, tolerance: float) -> ComplexArray:
     """Return the Ritz values of largest modulus (point, count), descending, one of each complex pair.
 
-    hessenberg: (point, steps + 1, steps); those whose residual exceeds the tolerance, relative to the modulus, are
-    left out, and NaN stands where fewer are left.
+    hessenberg: (point, steps + 1, steps); zeros are left out, and those whose residual exceeds the tolerance, relative
+    to the modulus; NaN stands where fewer are left.
 
     See docs/physics.md#critical-multiplier.
     """

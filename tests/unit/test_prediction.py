@@ -154,22 +154,31 @@ def test_what_is_taken_over_from_nearby_is_what_would_be_computed(reference_mach
 
 
 def test_motions_that_cannot_grow_are_not_looked_for_nearby(reference_machine, monkeypatch):
-    model = base_model(everything(reference_machine))
+    # Shallow cuts, where one motion grows at most, and deep ones, where several do.
+    speeds, depths = np.linspace(4000.0, 14000.0, 8) * RPM, np.tile([4e-4, 4e-3], 4)
+    plan = trials(speeds, depths)
+    plan = replace(plan, chatter_frequency=np.full(8, 900.0 * 2.0 * np.pi))
+    model = base_model(campaign(reference_machine, trials=plan))
     here = model.predict(model.nulls)
     aside = model.nulls + [0.01 * p.prior_width if p.touches == "structure" else 0.0 for p in model.parameters]
-    fresh, asked, found = model.predict(aside), [], {}
-    monkeypatch.setattr(cuts, "motions", lambda *given: asked.append(given) or motions(*given))
-    for limit in (-np.inf, np.inf):
-        monkeypatch.setattr(cuts, "FAR_FROM_GROWING", limit)
-        asked.clear()
-        found[limit] = model.predict(aside, here).cuts
-        assert bool(asked) == (limit < 0.0)
-    for one in found.values():
-        heard = np.isfinite(one.chatter_frequency)
-        assert heard.any()
-        # Crossings that are followed are off by the square of what moved.
-        assert one.chatter_frequency[heard] == pytest.approx(fresh.cuts.chatter_frequency[heard], rel=1e-5)
-        assert np.array_equal(one.tooth_passing, fresh.cuts.tooth_passing, equal_nan=True)
+    fresh, asked = model.predict(aside).cuts, []
+
+    def noted(stages, built, speed_index, depth, method, count):
+        asked.append(len(depth))
+        return motions(stages, built, speed_index, depth, method, count)
+
+    monkeypatch.setattr(cuts, "motions", noted)
+    found = model.predict(aside, here).cuts
+    several = np.isfinite(fresh.other_frequency).any(axis=1)
+    assert several.sum() <= sum(asked) < len(speeds)
+    # Crossings that are followed are off by the square of what moved.
+    for name in ("chatter_frequency", "other_frequency", "share", "tooth_passing", "line_spacing"):
+        assert getattr(found, name) == pytest.approx(getattr(fresh, name), rel=1e-4, abs=1e-6, nan_ok=True), name
+    # What is not known of the second motion is asked.
+    asked.clear()
+    unknown = replace(here, cuts=replace(here.cuts, runner_up=np.full(8, np.nan)))
+    model.predict(aside, unknown)
+    assert sum(asked) == len(speeds)
 
 
 def test_sensors_show_gain_phase_and_frequency_scale():

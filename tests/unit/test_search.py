@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from chatter_core.evidence.pursuit import look
+from chatter_core.evidence import pursuit
 from chatter_core.evidence.ranking import NOTHING
 from pipeline import search
 from tests.unit.test_candidates import ASYMMETRY, COEFFICIENT, PROCESS_DAMPING, base_of, candidate, judged
 
 IMMERSION = candidate("radial_immersion_error")
 CANDIDATES = [IMMERSION, PROCESS_DAMPING, ASYMMETRY]
+NAMES = [one.name for one in CANDIDATES]
 
 
 @pytest.fixture(scope="module")
@@ -18,44 +19,75 @@ def base():
 
 
 @pytest.fixture
-def looked_at(monkeypatch):
-    """Names of the effects that were looked at, in turn."""
-    asked = []
+def done(monkeypatch):
+    """What was done with each effect, and its name, in turn."""
+    steps = []
 
-    def noted(comparison, candidates, nested, *amplitudes):
-        asked.append(candidates[-1].name)
-        return look(comparison, candidates, nested, *amplitudes)
+    def noted(step):
+        own = getattr(pursuit, step)
 
-    monkeypatch.setattr(search, "look", noted)
-    return asked
+        def call(first, *others):
+            name = (others[0] if others else first.candidates)[-1].name
+            steps.append((step, name))
+            return own(first, *others)
+
+        return call
+
+    for step in ("look", "pursue", "stay"):
+        monkeypatch.setattr(search, step, noted(step))
+    return steps
 
 
-def test_what_promises_far_less_than_another_gained_stays_where_it_promises_most(base, looked_at, monkeypatch):
+def of(done, step):
+    return [name for what, name in done if what == step]
+
+
+def test_what_promises_far_less_than_another_gained_is_not_climbed(base, done, monkeypatch):
+    monkeypatch.setattr(search, "GROUNDS", 1)
     everything = search.singles(None, base, CANDIDATES)
-    assert sorted(looked_at) == sorted(one.name for one in CANDIDATES)
-    gained = max(one.fit.log_evidence for one in everything.fitted) - base.fit.log_evidence
+    assert of(done, "look") == NAMES
+    assert of(done, "pursue") == NAMES
+    done.clear()
+    # All but the most promising waits.
     monkeypatch.setattr(search, "CLOSE", 0.0)
-    monkeypatch.setattr(search, "OUT_OF_REACH", -gained)
+    monkeypatch.setattr(search, "OUT_OF_REACH", 1.0)
     found = search.singles(None, base, CANDIDATES)
-    assert [one.name for one in found.fitted] == [one.name for one in CANDIDATES]
-    climbed, settled = everything.fitted[0], found.fitted[0]
-    assert settled.fit.evaluations < climbed.fit.evaluations
-    assert "not climbed" in settled.fit.reason
-    # It is no higher than a climb ends, and the best is what it was.
-    assert settled.fit.log_posterior <= climbed.fit.log_posterior + 1e-6
-    assert found.ranking[0].name == everything.ranking[0].name == "process_damping"
-    # Climbs of the base model and of the effect end where a step promises less than 0.3 nats.
+    assert [one.name for one in found.fitted] == NAMES
+    # The asymmetry moves modes: whatever it promises, it is climbed.
+    assert of(done, "pursue") == ["process_damping", "directional_asymmetry"]
+    assert of(done, "stay") == ["radial_immersion_error"]
+    at_null = found.fitted[0]
+    assert not at_null.moved
+    assert at_null.fit.log_likelihood == pytest.approx(base.fit.log_likelihood, abs=1e-6)
+    # With a CLOSE of none the best is not climbed to its end, but to where a step promises less than 0.3 nats.
     assert found.ranking[0].gain == pytest.approx(everything.ranking[0].gain, abs=0.6)
 
 
-def test_beside_a_better_base_model_only_what_is_in_reach_is_looked_at_again(base, looked_at, monkeypatch):
+def test_beside_a_better_base_model_only_what_is_in_reach_is_looked_at_again(base, done, monkeypatch):
     # Any base model counts as risen, and nothing but the best as in reach.
     monkeypatch.setattr(search, "RISEN", -np.inf)
     monkeypatch.setattr(search, "OUT_OF_REACH", 1.0)
     found = search.singles(None, base, CANDIDATES)
-    assert looked_at[: len(CANDIDATES)] == [one.name for one in CANDIDATES]
-    assert looked_at[len(CANDIDATES) :] == ["process_damping"]
+    assert of(done, "look") == [*NAMES, "process_damping"]
+    assert of(done, "stay") == ["radial_immersion_error", "directional_asymmetry"]
     nothing = next(one for one in found.ranking if one.name == NOTHING).best.fit
     # What was left keeps what it had, or stands at its null beside the better base model.
     for one in found.fitted:
         assert one.fit.log_likelihood >= nothing.log_likelihood - 1e-6
+
+
+def test_what_was_not_climbed_is_looked_at_again_for_what_it_promised(base, monkeypatch):
+    nested = pursuit.ground(base)
+    at_null = [pursuit.stay(base.comparison, [one], nested) for one in CANDIDATES]
+    near, asked = [at_null[0], pursuit.fit_hypothesis(base.comparison, [PROCESS_DAMPING], nested), at_null[2]], []
+    best = near[1].fit.log_evidence
+
+    def beside(workers, base, candidates, wanted):
+        asked.append(list(wanted))
+        return near, [best - 10.0, best, best - 40.0]
+
+    monkeypatch.setattr(search, "_beside", beside)
+    monkeypatch.setattr(search, "RISEN", -np.inf)
+    monkeypatch.setattr(search, "OUT_OF_REACH", 20.0)
+    search.singles(None, base, CANDIDATES)
+    assert asked == [[True, True, True], [True, True, False]]
