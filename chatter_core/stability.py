@@ -88,9 +88,7 @@ def evaluate(
     """
     result = without_result(len(axial_depth), int(built.cut_modes.label.max()))
     stages = stages_of(model)
-    candidates, resolved = _candidates(stages, built, speed_index, refinement, result.status)
-    for points in _batches(candidates, resolved + len(stages.passages), method):
-        equation = milling_equation(stages, built, speed_index[points], axial_depth[points])
+    for points, equation in _equations(stages, built, speed_index, axial_depth, method, refinement, result.status):
         solution = analyse(equation, method, refinement[points])
         _fill(result, points, built, speed_index[points], solution, stages.passages.repeat)
     return result
@@ -110,9 +108,7 @@ def critical_multipliers(
     """
     result = np.full(len(axial_depth), np.nan, dtype=complex)
     stages = stages_of(model)
-    candidates, resolved = _candidates(stages, built, speed_index, refinement, np.zeros(len(result), dtype=np.uint8))
-    for points in _batches(candidates, resolved + len(stages.passages), method):
-        equation = milling_equation(stages, built, speed_index[points], axial_depth[points])
+    for points, equation in _equations(stages, built, speed_index, axial_depth, method, refinement):
         critical = critical_multiplier(equation, method, refinement[points])
         growth = per_tooth(critical.value, stages.passages.repeat)
         result[points] = np.where(critical.converged, growth, np.nan)
@@ -164,11 +160,22 @@ def motions(
 
 
 def _equations(
-    stages: Stages, built: Structure, speed_index: NDArray[np.intp], axial_depth: Array, method: MethodSettings
+    stages: Stages,
+    built: Structure,
+    speed_index: NDArray[np.intp],
+    axial_depth: Array,
+    method: MethodSettings,
+    refinement: Array | None = None,
+    status: NDArray[np.uint8] | None = None,
 ) -> Iterator[tuple[NDArray[np.intp], DelayEquation]]:
-    """Yield batches of the points that can be analysed, and their equations."""
-    plain, status = np.ones(len(axial_depth)), np.zeros(len(axial_depth), dtype=np.uint8)
-    candidates, resolved = _candidates(stages, built, speed_index, plain, status)
+    """Yield batches of the points that can be analysed, and their equations; the others get their status (point,).
+
+    refinement: (point,), none is 1.
+    """
+    count = len(axial_depth)
+    refinement = np.ones(count) if refinement is None else refinement
+    status = np.zeros(count, dtype=np.uint8) if status is None else status
+    candidates, resolved = _candidates(stages, built, speed_index, refinement, status)
     for points in _batches(candidates, resolved + len(stages.passages), method):
         yield points, milling_equation(stages, built, speed_index[points], axial_depth[points])
 

@@ -1,7 +1,7 @@
 """The search for what is missing: single effects and pairs are fitted, spread over workers, and ranked."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import prod
@@ -96,35 +96,26 @@ def _beside(
     """
     nested, numbers = ground(base), range(len(candidates))
 
-    def job(name: str, step: Callable[..., Any], number: int) -> Job:
-        return Job(
-            name=f"{candidates[number]}{name}", call=partial(step, base.comparison, [candidates[number]], nested)
-        )
+    def beside(step: Callable[..., Any], number: int) -> Callable[[], Any]:
+        return partial(step, base.comparison, [candidates[number]], nested)
 
-    looks = {number: job("", look, number) for number in numbers if wanted[number]}
-    prospects: dict[int, Prospect] = dict(zip(looks, spread(workers, list(looks.values())), strict=True))
+    def answers(doing: str, calls: Mapping[int, Callable[[], Any]]) -> dict[int, Any]:
+        jobs = [Job(name=f"{candidates[number]}, {doing}", call=call) for number, call in calls.items()]
+        return dict(zip(calls, spread(workers, jobs), strict=True))
+
+    prospects: dict[int, Prospect] = answers("looked at", {i: beside(look, i) for i in numbers if wanted[i]})
     most = max((one.promise for one in prospects.values()), default=0.0)
-    later = {number for number, one in prospects.items() if one.is_of_cut and one.promise + CLOSE < most}
-    jobs = {
-        number: _pursued(prospects[number]) if number in prospects else job(", at its null", stay, number)
-        for number in numbers
-        if number not in later
-    }
-    found = dict(zip(jobs, spread(workers, list(jobs.values())), strict=True))
+    later = {i for i, one in prospects.items() if one.is_of_cut and one.promise + CLOSE < most}
+
+    def calls(which: Iterable[int], climbed: Container[int]) -> dict[int, Callable[[], Any]]:
+        return {i: partial(pursue, prospects[i]) if i in climbed else beside(stay, i) for i in which}
+
+    found = answers("fitted", calls((i for i in numbers if i not in later), prospects))
     best = max((one.fit.log_evidence for one in found.values()), default=-np.inf) - base.fit.log_evidence
-    within_reach = {number for number in later if prospects[number].promise > best - OUT_OF_REACH}
-    jobs = {
-        number: _pursued(prospects[number]) if number in within_reach else job(", at its null", stay, number)
-        for number in later
-    }
-    found |= dict(zip(jobs, spread(workers, list(jobs.values())), strict=True))
+    within_reach = {i for i in later if prospects[i].promise > best - OUT_OF_REACH}
+    found |= answers("fitted", calls(later, within_reach))
     promised = [base.fit.log_evidence + prospects[i].promise if i in prospects else -np.inf for i in numbers]
-    return [found[number] for number in numbers], promised
-
-
-def _pursued(prospect: Prospect) -> Job:
-    """Return the job that climbs from where an effect promises most."""
-    return Job(name=f"{prospect.candidates[-1]}, climbed", call=partial(pursue, prospect))
+    return [found[i] for i in numbers], promised
 
 
 def arrived(workers: Workers | None, found: Singles) -> Singles:

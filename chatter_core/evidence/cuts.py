@@ -129,47 +129,30 @@ def predict_cuts(
         margin=margin, crossing=crossing, **_silent(len(depth)), solved=built.solved[setup.speed_index]
     )
     heard = np.flatnonzero(cuts.heard[setup.points])
-    if len(heard):
-        at = depth[heard] * np.exp(where_it_chatters(margin, crossing)[heard])
-        alone = np.zeros(len(heard), dtype=bool)
-        if near is not None:
-            before = where_it_chatters(near.margin, near.crossing)[setup.points[heard]]
-            beside = np.abs(np.log(at / depth[heard]) - before) <= FARTHEST
-            found.runner_up[heard] = np.where(beside, near.runner_up[setup.points[heard]], np.nan)
-            alone = found.runner_up[heard] < FAR_FROM_GROWING
-        found.tooth_passing[heard] = stages.machine.tool.teeth * built.spindle_speed[setup.speed_index[heard]]
-        found.line_spacing[heard] = found.tooth_passing[heard] / stages.passages.repeat
-        for which, hear in ((alone, _hear_alone), (~alone, _hear)):
-            if which.any():
-                hear(found, heard[which], stages, built, setup.speed_index[heard[which]], at[which], method)
+    if not len(heard):
+        return found
+    found.tooth_passing[heard] = stages.machine.tool.teeth * built.spindle_speed[setup.speed_index[heard]]
+    found.line_spacing[heard] = found.tooth_passing[heard] / stages.passages.repeat
+    where = where_it_chatters(margin, crossing)
+    if near is not None:
+        moved = np.abs(where - where_it_chatters(near.margin, near.crossing)[setup.points])
+        found.runner_up[heard] = np.where(moved <= FARTHEST, near.runner_up[setup.points], np.nan)[heard]
+    alone = found.runner_up[heard] < FAR_FROM_GROWING
+    one, several, at = heard[alone], heard[~alone], depth * np.exp(where)
+    if len(one):
+        critical = evaluate(stages, built, setup.speed_index[one], at[one], method, np.ones(len(one)))
+        found.chatter_frequency[one] = critical.chatter_frequency
+    if len(several):
+        told = motions(stages, built, setup.speed_index[several], at[several], method, 1 + OTHERS)
+        _hear(found, several, stages.passages.repeat, *told)
     return found
 
 
-def _hear_alone(
-    found: CutPrediction,
-    heard: Indices,
-    stages: Stages,
-    built: Structure,
-    speed_index: Indices,
-    depth: Array,
-    method: MethodSettings,
-) -> None:
-    """Fill in what is heard in some of the cuts (heard,), at these depths, where nothing else can grow."""
-    critical = evaluate(stages, built, speed_index, depth, method, np.ones(len(heard)))
-    found.chatter_frequency[heard] = critical.chatter_frequency
+def _hear(found: CutPrediction, heard: Indices, repeat: int, critical: Array, growth: Array, frequency: Array) -> None:
+    """Fill in what is heard in some of the cuts (heard,), by what ``motions`` tells of them.
 
-
-def _hear(
-    found: CutPrediction,
-    heard: Indices,
-    stages: Stages,
-    built: Structure,
-    speed_index: Indices,
-    depth: Array,
-    method: MethodSettings,
-) -> None:
-    """Fill in what is heard in some of the cuts (heard,), at these depths."""
-    critical, growth, frequency = motions(stages, built, speed_index, depth, method, 1 + OTHERS)
+    repeat: tooth periods until teeth repeat.
+    """
     found.chatter_frequency[heard] = critical
     found.runner_up[heard] = growth[:, 1]
     grows = np.nan_to_num(growth, nan=0.0, neginf=0.0).clip(min=0.0)
@@ -177,7 +160,7 @@ def _hear(
     grows[~grows.any(axis=1), 0] = 1.0
     share = grows / grows.sum(axis=1, keepdims=True)
     # Which of its lines between two tooth passings is the strongest is known of the critical motion alone.
-    share[:, 1:] /= stages.passages.repeat
+    share[:, 1:] /= repeat
     found.share[heard] = share
     found.other_frequency[heard] = np.where(grows > 0.0, frequency, np.nan)[:, 1:]
 
