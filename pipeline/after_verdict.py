@@ -9,7 +9,6 @@ from chatter_core.evidence.assessment import Assessment, Ended, Limits, Version,
 from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.held_out import together
-from chatter_core.evidence.intervals import ROUGH
 from chatter_core.evidence.next_measurement import NextMeasurement, next_receptances, of_cut, other_cuts
 from chatter_core.evidence.next_trial import NextTrial, next_trial
 from chatter_core.evidence.ranking import NOTHING
@@ -110,7 +109,7 @@ def _held_out_jobs(hypothesis: Hypothesis, base: Hypothesis, belief: Belief) -> 
 def _interval_jobs(found: Diagnosis) -> list[Job]:
     """Return the jobs for the intervals of effects that are named; none where the search has found them."""
     named = found.supported
-    return [] if found.intervals else interval_jobs(named.comparison, named.fit, own_parameters(named), ROUGH)
+    return [] if found.intervals else interval_jobs(named.comparison, named.fit, own_parameters(named))
 
 
 def _intervals(found: Diagnosis, ends: Sequence[Ended]) -> dict[str, Limits]:

@@ -9,7 +9,7 @@ from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.boundary import field, setups
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.held_out import groups, held_out
-from chatter_core.evidence.intervals import HIGHER, SIDES
+from chatter_core.evidence.intervals import SIDES
 from chatter_core.evidence.parameters import Array
 from pipeline.jobs import Job
 
@@ -37,15 +37,12 @@ def lobe_jobs(model: CampaignModel, belief: Belief, name: str) -> list[Job]:
     return [Job(name=name, call=partial(field, model, belief, kind)) for kind in kinds]
 
 
-def interval_jobs(comparison: Comparison, fit: Fit, names: Sequence[str], rough: float = HIGHER) -> list[Job]:
-    """Return two jobs for the profile interval of each of some parameters, its lower end and its upper one.
-
-    rough: as for ``profile_end``.
-    """
+def interval_jobs(comparison: Comparison, fit: Fit, names: Sequence[str]) -> list[Job]:
+    """Return two jobs for the profile interval of each of some parameters, its lower end and its upper one."""
     return [
         Job(
             name=f"{word} end of the interval of {name}",
-            call=partial(interval_end, comparison, fit, name, side, rough),
+            call=partial(interval_end, comparison, fit, name, side),
         )
         for name in names
         for side, word in zip(SIDES, ("lower", "upper"), strict=True)

@@ -4,7 +4,7 @@ from functools import partial
 
 from chatter_core.evidence.assessment import Ended, Limits
 from chatter_core.evidence.candidates import Hypothesis
-from chatter_core.evidence.intervals import HIGHER, ROUGH, HigherPlace
+from chatter_core.evidence.intervals import HigherPlace
 from chatter_core.evidence.pursuit import refit_from
 from pipeline.cluster import Workers
 from pipeline.jobs import Job, spread
@@ -14,19 +14,18 @@ from pipeline.pieces import interval_jobs, intervals
 def profiled(workers: Workers | None, named: Hypothesis) -> tuple[Hypothesis, dict[str, Limits]]:
     """Return a hypothesis and the intervals of its effects' parameters; none of a base model.
 
-    Where a profile ends above the fit, that was no maximum: it is fitted again from there, and profiled once more, now
-    with rises that are no more than the roughness of the posterior taken for flat.
+    Where a profile ends above the fit, that was no maximum: it is fitted again from there, and profiled once more.
     """
     names = own_parameters(named)
     if not names:
         return named, {}
-    ends = _ends(workers, named, names, HIGHER)
+    ends = _ends(workers, named, names)
     higher = [one for one in ends if isinstance(one, HigherPlace)]
     if higher:
         highest = max(higher, key=lambda one: one.rise)
         again = partial(refit_from, named, highest.values)
         (named,) = spread(workers, [Job(name=f"{named.name}, from a higher place", call=again)])
-        ends = _ends(workers, named, names, ROUGH)
+        ends = _ends(workers, named, names)
     return named, intervals(named.fit, names, ends)
 
 
@@ -35,5 +34,5 @@ def own_parameters(named: Hypothesis) -> list[str]:
     return [parameter.name for candidate in named.candidates for parameter in candidate.term.parameters]
 
 
-def _ends(workers: Workers | None, named: Hypothesis, names: list[str], rough: float) -> list[Ended]:
-    return spread(workers, interval_jobs(named.comparison, named.fit, names, rough))
+def _ends(workers: Workers | None, named: Hypothesis, names: list[str]) -> list[Ended]:
+    return spread(workers, interval_jobs(named.comparison, named.fit, names))

@@ -19,7 +19,7 @@ from chatter_core.evidence.cuts import where_it_chatters
 from chatter_core.evidence.failures import Failure, failures
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.held_out import together
-from chatter_core.evidence.intervals import HIGHER, End, profile_end
+from chatter_core.evidence.intervals import End, profile_end
 from chatter_core.evidence.prediction import CampaignModel, Prediction
 from chatter_core.evidence.scores import COVERAGE, Score, Told, cut_scores, structure_scores, told
 
@@ -88,15 +88,13 @@ def as_described(comparison: Comparison, belief: Belief) -> Fit:
     return calibrate(comparison, start=belief.about(comparison.model).estimate, fixed=fixed)
 
 
-def interval_end(comparison: Comparison, fit: Fit, name: str, side: int, rough: float = HIGHER) -> Ended:
+def interval_end(comparison: Comparison, fit: Fit, name: str, side: int) -> Ended:
     """Return an end of the profile interval of a parameter, the lower or the upper one; why where profiling fails.
-
-    rough: as for ``profile_end``.
 
     See docs/physics.md#fit.
     """
     try:
-        return profile_end(comparison, fit, name, side, COVERAGE, rough)
+        return profile_end(comparison, fit, name, side, COVERAGE)
     except NotConverged as error:
         return error
 

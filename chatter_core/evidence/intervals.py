@@ -12,11 +12,13 @@ from chatter_core.evidence.parameters import Array, Problem, column, position
 #: A drop this near to what is wanted, in standard deviations, gives the end by a straight line: the root of the
 #: drop is nearly one, and a tenth of it that is not leaves a hundredth of a deviation.
 NEAR_END = 0.15
-#: A refit that ends this much above the fit found another maximum [nats]: by the fit's height the ends are a tenth too
-#: far. Where chatter frequencies jump a posterior has edges of about a nat, and no climb finds the highest of them.
-HIGHER, ROUGH = 0.3, 1.0
-#: An end is known to this when the drop has no such value, in standard deviations of the parameter.
-EDGE_TOLERANCE = 0.03
+#: A refit that ends this much above the fit found another maximum [nats]. Where chatter frequencies jump a posterior
+#: has edges of about a nat, and no climb finds the highest of them: what rises less counts as flat, and the ends, by
+#: the fit's height, are too far by a tenth where it lacks 0.3 nats and by a third where it lacks one.
+HIGHER = 1.0
+#: An end is known to this where the drop leaps over what is wanted, in standard deviations of the parameter: the end of
+#: a normal posterior would be off by a sixteenth.
+EDGE_TOLERANCE = 0.1
 #: A refit ends where its next step promises less than this [nats]: the drop is then off by three hundredths at most.
 REFIT_GAIN = 0.05
 #: Refits that each end may take.
@@ -72,10 +74,8 @@ def profile_interval(problem: Problem, fit: Fit, name: str, coverage: float = 0.
     return joined(*(profile_end(problem, fit, name, side, coverage) for side in SIDES))
 
 
-def profile_end(problem: Problem, fit: Fit, name: str, side: int, coverage: float = 0.9, rough: float = HIGHER) -> End:
+def profile_end(problem: Problem, fit: Fit, name: str, side: int, coverage: float = 0.9) -> End:
     """Return one end of ``profile_interval``, the lower one for side -1 and the upper for +1; raises as that does.
-
-    rough: by how much a refit may end above the fit and the posterior still be taken for flat [nats].
 
     See docs/physics.md#fit.
     """
@@ -84,7 +84,7 @@ def profile_end(problem: Problem, fit: Fit, name: str, side: int, coverage: floa
         raise InvalidInput([f"parameter {name}: it was fixed in the fit and has no interval"])
     if not 0.0 < coverage < 1.0:
         raise InvalidInput([f"coverage: found {coverage:g}, allowed: between 0 and 1"])
-    return _end(problem, fit, index, side * float(ndtri(0.5 * (1.0 + coverage))), rough)
+    return _end(problem, fit, index, side * float(ndtri(0.5 * (1.0 + coverage))))
 
 
 def joined(low: End, high: End) -> Interval:
@@ -101,7 +101,7 @@ def joined(low: End, high: End) -> Interval:
     )
 
 
-def _end(problem: Problem, fit: Fit, index: int, wanted: float, rough: float) -> End:
+def _end(problem: Problem, fit: Fit, index: int, wanted: float) -> End:
     """Return the end where the root of twice the drop is ``wanted``."""
     parameter = problem.parameters[index]
     bound = parameter.upper if wanted > 0.0 else parameter.lower
@@ -109,7 +109,7 @@ def _end(problem: Problem, fit: Fit, index: int, wanted: float, rough: float) ->
     following, start = values[0] + wanted * float(fit.standard_deviation[index]), fit.estimate
     for refit in range(1, MOST_REFITS + 1):
         place = min(following, bound) if wanted > 0.0 else max(following, bound)
-        drop, start = _drop(problem, fit, index, place, start, rough)
+        drop, start = _drop(problem, fit, index, place, start)
         values.append(place)
         drops.append(np.copysign(drop, wanted))
         if abs(drops[-1] - wanted) < NEAR_END:
@@ -132,27 +132,29 @@ def _straight(values: list[float], drops: list[float], wanted: float, bound: flo
 
 
 def _following(values: list[float], drops: list[float], wanted: float, *, halve: bool) -> float:
-    """Return where the drop should be as wanted: between the nearest values, by secant or halfway, or beyond."""
-    size = np.abs(drops)
-    inside, outside = size < abs(wanted), size >= abs(wanted)
-    known = np.array(values)
-    low = np.where(inside, size, -np.inf).argmax()
-    if outside.any():
-        high = np.where(outside, size, np.inf).argmin()
+    """Return where the drop should be as wanted: beyond all values inside, by secant or halfway, or farther out.
+
+    Refits on a rough posterior need not rise with the distance: what lies beyond one that is inside bounds the end.
+    """
+    known, size = np.array(values), np.abs(drops)
+    distance, inside = np.abs(known - known[0]), size < abs(wanted)
+    low = np.where(inside, distance, -np.inf).argmax()
+    beyond = np.where(~inside & (distance > distance[low]), distance, np.inf)
+    if np.isfinite(beyond).any():
+        high = beyond.argmin()
         share = 0.5 if halve else (abs(wanted) - size[low]) / (size[high] - size[low])
         return float(known[low] + share * (known[high] - known[low]))
-    farthest = np.abs(known - known[0]).argmax()
     # Where a step made no difference to the posterior, a longer one has to.
-    return float(known[0] + (known[farthest] - known[0]) * min(2.0, 1.1 * abs(wanted) / max(size[farthest], 1e-3)))
+    return float(known[0] + (known[low] - known[0]) * min(2.0, 1.1 * abs(wanted) / max(size[low], 1e-3)))
 
 
-def _drop(problem: Problem, fit: Fit, index: int, value: float, start: Array, rough: float) -> tuple[float, Array]:
+def _drop(problem: Problem, fit: Fit, index: int, value: float, start: Array) -> tuple[float, Array]:
     """Return the root of twice the drop of the best log posterior at a value, and the values that reach it."""
     free = ~fit.fixed
     free[index] = False
     found = maximise(problem, [_expected(problem, fit, index, value, start)], free, most=1, smallest_gain=REFIT_GAIN)
     rise = found.log_posterior - fit.log_posterior
-    if rise > rough:
+    if rise > HIGHER:
         raise HigherPlace(problem.parameters[index].name, found.values, rise)
     return float(np.sqrt(2.0 * max(-rise, 0.0))), found.values
 

@@ -12,7 +12,7 @@ from chatter_core.errors import InvalidInput, NotConverged
 from chatter_core.evidence import newton
 from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.fit import fit, maximise, result
-from chatter_core.evidence.intervals import HIGHER, ROUGH, HigherPlace, profile_end, profile_interval
+from chatter_core.evidence.intervals import EDGE_TOLERANCE, HIGHER, HigherPlace, profile_end, profile_interval
 from chatter_core.evidence.newton import SMALLEST_GAIN, Climb
 from chatter_core.evidence.parameters import Evaluation, Parameter, log_prior, log_share
 from chatter_core.evidence.pursuit import LEFT_GAIN
@@ -289,12 +289,29 @@ def test_an_end_on_a_rough_posterior_lies_beyond_that_of_a_smooth_one_by_what_th
     found, short = stopped(problem, off=1.25)
     lacks = found.log_posterior - short.log_posterior
     # So much higher a refit ends that looks for the end first where it would be of the smooth one.
-    assert HIGHER < lacks - 0.5 * stats.norm.ppf(0.95) ** 2 < ROUGH
-    end = profile_end(problem, short, "b", 1, rough=ROUGH)
+    assert 0.3 < lacks - 0.5 * stats.norm.ppf(0.95) ** 2 < HIGHER
+    end = profile_end(problem, short, "b", 1)
     # The profile is a parabola about the maximum; the drop counts from the fit.
     size = math.sqrt(stats.norm.ppf(0.95) ** 2 + 2.0 * lacks)
     deviation = found.standard_deviation[1]
     assert end.value == pytest.approx(found.estimate[1] + size * deviation, abs=0.15 * deviation)
+
+
+def test_an_end_where_the_profile_leaps_and_sinks_again_behind_is_found():
+    """Behind its edge no drop is as small as what is wanted, and the nearest to that is farthest out."""
+    edge = 0.6
+
+    def leaps(v):
+        size = np.abs(v)
+        return np.where(size < edge, v, np.sign(v) * (2.3 - 0.2 * (size - edge)))
+
+    problem = Normal((parameter(prior_width=20.0),), leaps)
+    found = fit(problem)
+    assert found.standard_deviation[0] == pytest.approx(1.0, rel=0.01)
+    for side in (-1, 1):
+        end = profile_end(problem, found, "a", side)
+        assert end.value == pytest.approx(side * edge, abs=EDGE_TOLERANCE)
+        assert not end.is_open
 
 
 def test_a_hypothesis_is_fitted_again_from_where_a_profile_ends_above_it():

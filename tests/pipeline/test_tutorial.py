@@ -71,9 +71,9 @@ class Told:
         return next(one["score"] for one in self.first["ranking"] if one["effect"] == effect)
 
 
-def of_effects_alone(comparison: Comparison, fit: Fit, name: str, side: int, rough: float) -> Ended:
+def of_effects_alone(comparison: Comparison, fit: Fit, name: str, side: int) -> Ended:
     """Return an end of an interval that the tutorial quotes, and why there is none for another parameter."""
-    return interval_end(comparison, fit, name, side, rough) if "." in name else NotConverged("the tutorial quotes none")
+    return interval_end(comparison, fit, name, side) if "." in name else NotConverged("the tutorial quotes none")
 
 
 def commands() -> list[list[str]]:
