@@ -24,6 +24,8 @@ STUDIES = {"sweep": sweep, "dataset": dataset}
 COMMANDS = {
     f"{page.stem}: {' '.join(words)}": words for page in PAGES for line in code(page) if (words := words_of(line))
 }
+#: What make hands on to the commands that it runs, and variables that its own command line may set.
+OF_MAKE = {"MAKEFLAGS", "MAKELEVEL", "MFLAGS", "MAKEOVERRIDES", "ARGS", "STUDY", "CAMPAIGN", "SEEDS", "FOLDER"}
 MADE = sorted({found[1] for page in PAGES for line in code(page) if (found := re.match(r"\s*(make [a-z].*)", line))})
 
 
@@ -58,7 +60,7 @@ def test_targets_of_a_page_are_there_and_run_what_is_understood(line, monkeypatc
     target, *rest = re.split(r"\s+#|\s{2,}", line.strip("`"))[0].removeprefix("make ").split(" ", 1)
     command = f"make --dry-run {target} {' '.join(rest)}"
     # What the tests themselves were called with by make is not the page's.
-    own = {name: value for name, value in os.environ.items() if name not in {"MAKEFLAGS", "MAKELEVEL", "MFLAGS"}}
+    own = {name: value for name, value in os.environ.items() if name not in OF_MAKE}
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, env=own)
     assert done.returncode == 0, done.stderr
     for made in done.stdout.replace("\\\n", " ").splitlines():
