@@ -199,11 +199,13 @@ def taken_over(
 ) -> Singles:
     """Return the single effects beside a base model that has gained one, from the pairs that were fitted with it.
 
-    What promised too little beside it to be fitted stays at its null, and so does what was fitted and gained nothing.
-    The base model gets the same chance to arrive as what is held against it.
+    What promised too little beside it to be fitted stays at its null, and so does what was fitted and came to stand
+    there: what such a pair has gained is the base model's, which gets the same chance to arrive as what is held against
+    it.
     """
-    if pairs:
-        base = refit(base, max(pairs, key=lambda pair: pair.fit.log_evidence).fit)
+    for alike in ([one for one in pairs if one.moved], [one for one in pairs if not one.moved]):
+        if alike:
+            base = refit(base, max(alike, key=lambda pair: pair.fit.log_evidence).fit)
     known, paired = ground(base), {str(one): pair for pair in pairs if pair.moved for one in pair.candidates}
     jobs = [
         Job(name=str(one), call=partial(_taken_over, base.comparison, one, known, paired.get(str(one))))

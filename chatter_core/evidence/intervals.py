@@ -13,14 +13,19 @@ from chatter_core.evidence.parameters import Array, Problem, column, position
 #: drop is nearly one, and a tenth of it that is not leaves a hundredth of a deviation.
 NEAR_END = 0.15
 #: A refit that ends this much above the fit found another maximum [nats]. Where chatter frequencies jump a posterior
-#: has edges of about a nat, and no climb finds the highest of them: what rises less counts as flat, and the ends, by
-#: the fit's height, are too far by a tenth where it lacks 0.3 nats and by a third where it lacks one.
+#: has edges of about a nat, and no climb finds the highest of them: what rises less counts as flat. Refits lie where
+#: the posterior has dropped already, so a fit may lack a nat more than that and its ends, by its own height, be too far
+#: by two thirds; where it lacks 0.3 nats they are by a tenth.
 HIGHER = 1.0
-#: An end is known to this where the drop leaps over what is wanted, in standard deviations of the parameter: the end of
-#: a normal posterior would be off by a sixteenth.
-EDGE_TOLERANCE = 0.1
+#: Where the drop leaps over what is wanted the end is known to this share of its distance from the estimate, or to a
+#: quarter of it in standard deviations of the parameter.
+EDGE_TOLERANCE = 0.06
+#: A secant goes no nearer to either end of what it divides than this share of it.
+LEAST_SHARE = 0.1
 #: A refit ends where its next step promises less than this [nats]: the drop is then off by three hundredths at most.
 REFIT_GAIN = 0.05
+#: A step beyond all values inside is this much longer than a straight line has it, to come to lie outside.
+LENGTHENED = 1.1
 #: Refits that each end may take.
 MOST_REFITS = 10
 #: The lower end and the upper one.
@@ -102,50 +107,56 @@ def joined(low: End, high: End) -> Interval:
 
 
 def _end(problem: Problem, fit: Fit, index: int, wanted: float) -> End:
-    """Return the end where the root of twice the drop is ``wanted``."""
-    parameter = problem.parameters[index]
+    """Return the end where the root of twice the drop is ``wanted``, which is negative for a lower end."""
+    parameter, deviation = problem.parameters[index], float(fit.standard_deviation[index])
     bound = parameter.upper if wanted > 0.0 else parameter.lower
-    values, drops = [float(fit.estimate[index])], [0.0]
-    following, start = values[0] + wanted * float(fit.standard_deviation[index]), fit.estimate
+    known, drops = [float(fit.estimate[index])], [0.0]
+    following, start = known[0] + wanted * deviation, fit.estimate
     for refit in range(1, MOST_REFITS + 1):
         place = min(following, bound) if wanted > 0.0 else max(following, bound)
         drop, start = _drop(problem, fit, index, place, start)
-        values.append(place)
-        drops.append(np.copysign(drop, wanted))
-        if abs(drops[-1] - wanted) < NEAR_END:
-            return End(value=_straight(values, drops, wanted, bound), is_open=False, refits=refit)
+        known.append(place)
+        drops.append(drop)
         if place == bound and drop < abs(wanted):
             return End(value=place, is_open=True, refits=refit)
-        following = _following(values, drops, wanted, halve=refit % 2 == 0)
-        # A posterior with an edge drops there all at once.
-        if abs(following - place) < EDGE_TOLERANCE * float(fit.standard_deviation[index]):
-            return End(value=following, is_open=False, refits=refit)
+        low, high = _bracket(known, drops, abs(wanted))
+        expected = _expected_end(known, drops, abs(wanted), low, high)
+        if abs(drop - abs(wanted)) < NEAR_END:
+            end = min(expected, bound) if wanted > 0.0 else max(expected, bound)
+            return End(value=end, is_open=False, refits=refit)
+        following = expected
+        if high is not None:
+            inside, outside = known[low], known[high]
+            apart = abs(outside - inside)
+            # A posterior with an edge drops there all at once.
+            if apart < max(2.0 * EDGE_TOLERANCE * abs(outside - known[0]), 0.5 * EDGE_TOLERANCE * deviation):
+                return End(value=0.5 * (inside + outside), is_open=False, refits=refit)
+            share = 0.5 if refit % 2 == 0 else abs(expected - inside) / apart
+            following = inside + float(np.clip(share, LEAST_SHARE, 1.0 - LEAST_SHARE)) * (outside - inside)
     raise NotConverged(f"the interval of {parameter.name} has no end within {MOST_REFITS} refits")
 
 
-def _straight(values: list[float], drops: list[float], wanted: float, bound: float) -> float:
-    """Return where the drop is as wanted, by a straight line through the two values that are nearest to it."""
-    near, next_to = np.argsort(np.abs(np.array(drops) - wanted))[:2]
-    slope = (values[near] - values[next_to]) / (drops[near] - drops[next_to])
-    end = values[near] + slope * (wanted - drops[near])
-    return float(min(end, bound) if wanted > 0.0 else max(end, bound))
+def _bracket(known: list[float], drops: list[float], wanted: float) -> tuple[int, int | None]:
+    """Return which value with a drop below what is wanted lies farthest out, and the next one beyond, None if none is.
 
-
-def _following(values: list[float], drops: list[float], wanted: float, *, halve: bool) -> float:
-    """Return where the drop should be as wanted: beyond all values inside, by secant or halfway, or farther out.
-
-    Refits on a rough posterior need not rise with the distance: what lies beyond one that is inside bounds the end.
+    Refits on a rough posterior need not drop more the farther out they lie: what lies beyond one that is inside bounds
+    the end.
     """
-    known, size = np.array(values), np.abs(drops)
-    distance, inside = np.abs(known - known[0]), size < abs(wanted)
-    low = np.where(inside, distance, -np.inf).argmax()
+    distance, inside = np.abs(np.array(known) - known[0]), np.array(drops) < wanted
+    low = int(np.where(inside, distance, -np.inf).argmax())
     beyond = np.where(~inside & (distance > distance[low]), distance, np.inf)
-    if np.isfinite(beyond).any():
-        high = beyond.argmin()
-        share = 0.5 if halve else (abs(wanted) - size[low]) / (size[high] - size[low])
-        return float(known[low] + share * (known[high] - known[low]))
+    return low, int(beyond.argmin()) if np.isfinite(beyond).any() else None
+
+
+def _expected_end(known: list[float], drops: list[float], wanted: float, low: int, high: int | None) -> float:
+    """Return where the drop is as wanted by a straight line: through a bracket, or from the estimate, of any length."""
+    if high is not None:
+        share = (wanted - drops[low]) / (drops[high] - drops[low])
+        return known[low] + share * (known[high] - known[low])
     # Where a step made no difference to the posterior, a longer one has to.
-    return float(known[0] + (known[low] - known[0]) * min(2.0, 1.1 * abs(wanted) / max(size[low], 1e-3)))
+    reached = max(drops[low], 1e-3)
+    longer = 1.0 if abs(drops[low] - wanted) < NEAR_END else LENGTHENED
+    return known[0] + (known[low] - known[0]) * min(2.0, longer * wanted / reached)
 
 
 def _drop(problem: Problem, fit: Fit, index: int, value: float, start: Array) -> tuple[float, Array]:
@@ -154,6 +165,9 @@ def _drop(problem: Problem, fit: Fit, index: int, value: float, start: Array) ->
     free[index] = False
     found = maximise(problem, [_expected(problem, fit, index, value, start)], free, most=1, smallest_gain=REFIT_GAIN)
     rise = found.log_posterior - fit.log_posterior
+    if not np.isfinite(rise):
+        # No model has an answer there: it lies outside, by however much.
+        return np.inf, start
     if rise > HIGHER:
         raise HigherPlace(problem.parameters[index].name, found.values, rise)
     return float(np.sqrt(2.0 * max(-rise, 0.0))), found.values

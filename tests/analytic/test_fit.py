@@ -297,21 +297,52 @@ def test_an_end_on_a_rough_posterior_lies_beyond_that_of_a_smooth_one_by_what_th
     assert end.value == pytest.approx(found.estimate[1] + size * deviation, abs=0.15 * deviation)
 
 
-def test_an_end_where_the_profile_leaps_and_sinks_again_behind_is_found():
-    """Behind its edge no drop is as small as what is wanted, and the nearest to that is farthest out."""
-    edge = 0.6
+def leap(edge, rising, beyond):
+    """Residuals that are the parameter up to an edge in the end, to either side, and something else beyond it."""
 
-    def leaps(v):
+    def residual(v):
         size = np.abs(v)
-        return np.where(size < edge, v, np.sign(v) * (2.3 - 0.2 * (size - edge)))
+        return np.where(size < edge, rising(v), np.sign(v) * beyond(size - edge))
 
-    problem = Normal((parameter(prior_width=20.0),), leaps)
+    return Normal((parameter(prior_width=20.0),), residual)
+
+
+def same(v):
+    return v
+
+
+@pytest.mark.parametrize(
+    ("problem", "end", "off"),
+    [
+        # Behind the edge no drop is as small as what is wanted, and the nearest to that is farthest out.
+        pytest.param(leap(0.6, same, lambda d: 2.3 - 0.2 * d), 0.6, 1.0, id="sinking"),
+        # A plateau whose drop is nearly what is wanted has hardly a slope: the end is taken anywhere on it.
+        pytest.param(leap(0.6, same, lambda d: 1.79 + 0.01 * d), 1.05, 7.5, id="plateau"),
+        pytest.param(leap(1.6, same, lambda d: 8.0 + d), 1.6, 1.5, id="far"),
+        pytest.param(leap(1.6, same, lambda d: 2e3 + d), 1.6, 1.5, id="farther"),
+        # A root of twice the drop of 1.645 is where v + 0.3 v^9 is.
+        pytest.param(leap(9.0, lambda v: v + 0.3 * v**9, same), 1.0737, 1.5, id="steep"),
+    ],
+)
+def test_ends_are_found_where_the_profile_leaps_lies_flat_or_is_steep(problem, end, off):
+    """Within so many times the share of their distance that an edge is known to; a tenth of the drop: 1.5 of these."""
     found = fit(problem)
     assert found.standard_deviation[0] == pytest.approx(1.0, rel=0.01)
     for side in (-1, 1):
-        end = profile_end(problem, found, "a", side)
-        assert end.value == pytest.approx(side * edge, abs=EDGE_TOLERANCE)
-        assert not end.is_open
+        told = profile_end(problem, found, "a", side)
+        assert told.value == pytest.approx(side * end, abs=off * EDGE_TOLERANCE * end)
+        assert not told.is_open
+
+
+def test_an_end_beside_a_bound_with_a_slope_is_as_near_as_it_is():
+    """Of a normal density cut off ten deviations out the end lies a seventh of a deviation from the bound."""
+    problem = Normal((parameter(prior_width=20.0, lower=0.0),), lambda v: v + 10.0)
+    found = fit(problem)
+    assert found.at_bound[0]
+    # (v + 10)^2 - 10^2 = 1.645^2, and a tenth of the drop.
+    exact = math.sqrt(100.0 + stats.norm.ppf(0.95) ** 2) - 10.0
+    assert profile_end(problem, found, "a", 1).value == pytest.approx(exact, rel=0.1)
+    assert profile_end(problem, found, "a", -1).is_open
 
 
 def test_a_hypothesis_is_fitted_again_from_where_a_profile_ends_above_it():

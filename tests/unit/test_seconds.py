@@ -5,7 +5,7 @@ import pytest
 
 from chatter_core.evidence import Comparison, base_model
 from chatter_core.evidence.candidates import Hypothesis
-from chatter_core.evidence.pursuit import fit_hypothesis, ground, most_promising, refit
+from chatter_core.evidence.pursuit import fit_hypothesis, ground, most_promising, refit, stay
 from chatter_core.evidence.ranking import NOTHING
 from pipeline.search import Singles, pairs_of, taken_over
 from tests.synthetic import campaign, measured, tip_machine, trials
@@ -64,6 +64,21 @@ def test_where_nothing_promised_anything_all_stays_at_its_null(named):
     found = taken_over(None, added, [ASYMMETRY, IN_Y], [])
     assert not any(one.moved for one in found.fitted)
     assert found.ranking[0].name == NOTHING
+
+
+def test_a_pair_whose_second_came_to_stand_at_its_null_is_not_fitted_again(named):
+    base, first = named
+    model = base_model(first.comparison.model.campaign, (PROCESS_DAMPING.term,))
+    added = Hypothesis(candidates=(), comparison=Comparison(model=model), fit=first.fit)
+    pair = fit_hypothesis(base.comparison, [PROCESS_DAMPING, ASYMMETRY], ground(first))
+    unmoved = stay(base.comparison, [PROCESS_DAMPING, ASYMMETRY], ground(first))
+    assert pair.moved
+    assert not unmoved.moved
+    (standing,) = taken_over(None, added, [ASYMMETRY], [unmoved]).fitted
+    (moved,) = taken_over(None, added, [ASYMMETRY], [pair]).fitted
+    assert not standing.moved
+    assert standing.fit.reason.startswith("not climbed")
+    assert moved.fit.log_evidence > standing.fit.log_evidence + 2.0
 
 
 def test_places_are_sorted_by_what_they_promise(named):
