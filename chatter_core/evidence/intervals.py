@@ -120,7 +120,7 @@ def _end(problem: Problem, fit: Fit, index: int, wanted: float) -> End:
         if place == bound and drop < abs(wanted):
             return End(value=place, is_open=True, refits=refit)
         low, high = _bracket(known, drops, abs(wanted))
-        expected = _expected_end(known, drops, abs(wanted), low, high)
+        expected = _where_wanted(known, drops, abs(wanted), low, high)
         if abs(drop - abs(wanted)) < NEAR_END:
             end = min(expected, bound) if wanted > 0.0 else max(expected, bound)
             return End(value=end, is_open=False, refits=refit)
@@ -148,7 +148,7 @@ def _bracket(known: list[float], drops: list[float], wanted: float) -> tuple[int
     return low, int(beyond.argmin()) if np.isfinite(beyond).any() else None
 
 
-def _expected_end(known: list[float], drops: list[float], wanted: float, low: int, high: int | None) -> float:
+def _where_wanted(known: list[float], drops: list[float], wanted: float, low: int, high: int | None) -> float:
     """Return where the drop is as wanted by a straight line: through a bracket, or from the estimate, of any length."""
     if high is not None:
         share = (wanted - drops[low]) / (drops[high] - drops[low])

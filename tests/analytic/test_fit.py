@@ -298,7 +298,7 @@ def test_an_end_on_a_rough_posterior_lies_beyond_that_of_a_smooth_one_by_what_th
 
 
 def leap(edge, rising, beyond):
-    """Residuals that are the parameter up to an edge in the end, to either side, and something else beyond it."""
+    """A problem whose residual rises up to an edge, to either side, and is something else beyond it."""
 
     def residual(v):
         size = np.abs(v)

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from chatter_core.effects._base import Scan
+from chatter_core.effects import Scan
 from chatter_core.effects.variable_pitch import LOOKED_AT, VariablePitch
 from chatter_core.errors import NotConverged
 from chatter_core.evidence import Comparison, next_trial
