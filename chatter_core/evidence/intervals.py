@@ -89,7 +89,7 @@ def profile_end(problem: Problem, fit: Fit, name: str, side: int, coverage: floa
         raise InvalidInput([f"parameter {name}: it was fixed in the fit and has no interval"])
     if not 0.0 < coverage < 1.0:
         raise InvalidInput([f"coverage: found {coverage:g}, allowed: between 0 and 1"])
-    return _end(problem, fit, index, side * float(ndtri(0.5 * (1.0 + coverage))))
+    return _end(problem, fit, index, side, float(ndtri(0.5 * (1.0 + coverage))))
 
 
 def joined(low: End, high: End) -> Interval:
@@ -106,57 +106,61 @@ def joined(low: End, high: End) -> Interval:
     )
 
 
-def _end(problem: Problem, fit: Fit, index: int, wanted: float) -> End:
-    """Return the end where the root of twice the drop is ``wanted``, which is negative for a lower end."""
+def _end(problem: Problem, fit: Fit, index: int, side: int, wanted: float) -> End:
+    """Return the end to one side where the root of twice the drop is ``wanted``, by its distance from the estimate."""
     parameter, deviation = problem.parameters[index], float(fit.standard_deviation[index])
-    bound = parameter.upper if wanted > 0.0 else parameter.lower
-    known, drops = [float(fit.estimate[index])], [0.0]
-    following, start = known[0] + wanted * deviation, fit.estimate
+    estimate, bound = float(fit.estimate[index]), parameter.upper if side > 0 else parameter.lower
+    room = abs(bound - estimate)
+
+    def value(distance: float) -> float:
+        return bound if distance >= room else estimate + side * distance
+
+    distance, drops, start = [0.0], [0.0], fit.estimate
+    following = wanted * deviation
     for refit in range(1, MOST_REFITS + 1):
-        place = min(following, bound) if wanted > 0.0 else max(following, bound)
-        drop, start = _drop(problem, fit, index, place, start)
-        known.append(place)
+        following = min(following, room)
+        drop, start = _drop(problem, fit, index, value(following), start)
+        distance.append(following)
         drops.append(drop)
-        if place == bound and drop < abs(wanted):
-            return End(value=place, is_open=True, refits=refit)
-        low, high = _bracket(known, drops, abs(wanted))
-        expected = _where_wanted(known, drops, abs(wanted), low, high)
-        if abs(drop - abs(wanted)) < NEAR_END:
-            end = min(expected, bound) if wanted > 0.0 else max(expected, bound)
-            return End(value=end, is_open=False, refits=refit)
+        if following == room and drop < wanted:
+            return End(value=bound, is_open=True, refits=refit)
+        low, high = _bracket(distance, drops, wanted)
+        expected = _where_wanted(distance, drops, wanted, low, high)
+        if abs(drop - wanted) < NEAR_END:
+            return End(value=value(expected), is_open=False, refits=refit)
         following = expected
         if high is not None:
-            inside, outside = known[low], known[high]
-            apart = abs(outside - inside)
+            inside, outside = distance[low], distance[high]
+            apart = outside - inside
             # A posterior with an edge drops there all at once.
-            if apart < max(2.0 * EDGE_TOLERANCE * abs(outside - known[0]), 0.5 * EDGE_TOLERANCE * deviation):
-                return End(value=0.5 * (inside + outside), is_open=False, refits=refit)
-            share = 0.5 if refit % 2 == 0 else abs(expected - inside) / apart
-            following = inside + float(np.clip(share, LEAST_SHARE, 1.0 - LEAST_SHARE)) * (outside - inside)
+            if apart < max(2.0 * EDGE_TOLERANCE * outside, 0.5 * EDGE_TOLERANCE * deviation):
+                return End(value=value(0.5 * (inside + outside)), is_open=False, refits=refit)
+            share = 0.5 if refit % 2 == 0 else (expected - inside) / apart
+            following = inside + float(np.clip(share, LEAST_SHARE, 1.0 - LEAST_SHARE)) * apart
     raise NotConverged(f"the interval of {parameter.name} has no end within {MOST_REFITS} refits")
 
 
-def _bracket(known: list[float], drops: list[float], wanted: float) -> tuple[int, int | None]:
-    """Return which value with a drop below what is wanted lies farthest out, and the next one beyond, None if none is.
+def _bracket(distance: list[float], drops: list[float], wanted: float) -> tuple[int, int | None]:
+    """Return which refit with a drop below what is wanted lies farthest out, and the next one beyond, None if none is.
 
     Refits on a rough posterior need not drop more the farther out they lie: what lies beyond one that is inside bounds
     the end.
     """
-    distance, inside = np.abs(np.array(known) - known[0]), np.array(drops) < wanted
-    low = int(np.where(inside, distance, -np.inf).argmax())
-    beyond = np.where(~inside & (distance > distance[low]), distance, np.inf)
+    out, inside = np.array(distance), np.array(drops) < wanted
+    low = int(np.where(inside, out, -np.inf).argmax())
+    beyond = np.where(~inside & (out > out[low]), out, np.inf)
     return low, int(beyond.argmin()) if np.isfinite(beyond).any() else None
 
 
-def _where_wanted(known: list[float], drops: list[float], wanted: float, low: int, high: int | None) -> float:
-    """Return where the drop is as wanted by a straight line: through a bracket, or from the estimate, of any length."""
+def _where_wanted(distance: list[float], drops: list[float], wanted: float, low: int, high: int | None) -> float:
+    """Return at which distance the drop is as wanted by a straight line: through a bracket, or from the estimate."""
     if high is not None:
         share = (wanted - drops[low]) / (drops[high] - drops[low])
-        return known[low] + share * (known[high] - known[low])
+        return distance[low] + share * (distance[high] - distance[low])
     # Where a step made no difference to the posterior, a longer one has to.
     reached = max(drops[low], 1e-3)
     longer = 1.0 if abs(drops[low] - wanted) < NEAR_END else LENGTHENED
-    return known[0] + (known[low] - known[0]) * min(2.0, longer * wanted / reached)
+    return distance[low] * min(2.0, longer * wanted / reached)
 
 
 def _drop(problem: Problem, fit: Fit, index: int, value: float, start: Array) -> tuple[float, Array]:
