@@ -123,13 +123,29 @@ def answer(once: Array, since: Array) -> Answer:
 
     See docs/physics.md#forced-motion.
     """
-    between = np.empty((len(once), *since.shape, *once.shape[1:]))
-    for tooth, k in np.ndindex(since.shape):
-        whole, part = int(since[tooth, k]), float(since[tooth, k] % 1.0)
-        # What is between samples is linear between them.
-        then = (1.0 - part) * np.roll(once, whole, axis=1) + part * np.roll(once, whole + 1, axis=1)
-        between[:, tooth, k] = once - then
-    return Answer(after=twice(once), between=twice(between[..., -np.arange(once.shape[1]), :, :]))
+    outputs, inputs, times = once.shape[2], once.shape[3], once.shape[1]
+    between = np.empty((len(once), *since.shape, outputs, inputs, 2 * times))
+    _fill_between(once, since, between)
+    return Answer(after=twice(once), between=between)
+
+
+@compiled
+def _fill_between(once, since, between):  # type: ignore[no-untyped-def]
+    """Fill in what a force at one sample moves less what it moved when a tooth before passed; between: see Answer.
+
+    Time runs backwards here: as the force does, seen from where it is felt.
+    """
+    systems, times = once.shape[:2]
+    for s, tooth, k in np.ndindex((systems, *since.shape)):
+        whole = int(since[tooth, k])
+        part = since[tooth, k] - whole
+        for q in range(2 * times):
+            now = -q % times
+            # What is between samples is linear between them.
+            after, before = once[s, (now - whole) % times], once[s, (now - whole - 1) % times]
+            for o, i in np.ndindex(once.shape[2:]):
+                then = (1.0 - part) * after[o, i] + part * before[o, i]
+                between[s, tooth, k, o, i, q] = once[s, now, o, i] - then
 
 
 @compiled
@@ -186,7 +202,12 @@ def at(motion, place):  # type: ignore[no-untyped-def]
     samples = motion.shape[1]
     whole = math.floor(place)
     part = place - whole
-    low = whole % samples
+    low = int(whole)
+    # A remainder would cost more than all else here.
+    while low < 0:
+        low += samples
+    while low >= samples:
+        low -= samples
     high = low + 1 if low + 1 < samples else 0
     left = 1.0 - part
     return left * motion[0, low] + part * motion[0, high], left * motion[1, low] + part * motion[1, high]

@@ -29,8 +29,9 @@ WIDEST_GAP, STEEPEST = 0.5, 2.5
 #: ln|mu| where a curve has answers elsewhere and none here, as where no motion repeats with the revolution (any
 #: longer). Such a cut is not steady: it counts as unstable, by however much.
 NOT_STEADY = 0.1
-#: Crossings are found to this in ln(depth): far less than any outcome curve is wide.
-CROSSING_TOLERANCE = 1e-5
+#: Crossings are found to this in ln(depth): far less than any outcome curve is wide. Where ln|mu| leaps it takes a
+#: halving for each factor of two.
+CROSSING_TOLERANCE = 1e-4
 #: Step in ln(depth) for the slope at a crossing, and how far a crossing may move to be followed.
 SLOPE_STEP, FARTHEST = 1e-3, 0.05
 
