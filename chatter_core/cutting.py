@@ -164,7 +164,9 @@ def _add_edges(  # type: ignore[no-untyped-def]
             # An edge is still in the cut after its tip has left.
             last = math.ceil((leave + lag) / turn)
             for t in range(time.shape[1]):
-                phase = (spindle_speed[p] * time[p, t] + ahead) % turn
+                turned = spindle_speed[p] * time[p, t] + ahead
+                # A remainder would cost more than all else that is done for an edge out of the cut.
+                phase = turned - turn * math.floor(turned / turn)
                 for edge in range(first, last + 1):
                     angle = phase + turn * edge
                     # The share of the edge, from its tip, at which it leaves and enters: no difference of nearly

@@ -339,15 +339,13 @@ def _surfaces(sampled, motion, j, left, who):  # type: ignore[no-untyped-def]
 @compiled
 def _cutting(sampled, share, j, x, y, left):  # type: ignore[no-untyped-def]
     """Return the force at a sample at a share of the depth; x, y: where the tip is; left: (edge,), see above."""
-    cut = sampled.cut
     along, across = 0.0, 0.0
     for e in range(len(left)):
-        s, c = sampled.sine[e, j], sampled.cosine[e, j]
-        chip = left[e] + s * x + c * y
+        chip = left[e] + sampled.sine[e, j] * x + sampled.cosine[e, j] * y
         if chip > 0.0:
-            weight = share * sampled.weight[e, j]
-            along -= weight * (cut.tangential * c + cut.radial * s) * chip
-            across += weight * (cut.tangential * s - cut.radial * c) * chip
+            by_along, by_across = _push(sampled, share, e, j)
+            along += by_along * chip
+            across += by_across * chip
     return along, across
 
 
@@ -427,38 +425,78 @@ def _forces(sampled, share, between, who):  # type: ignore[no-untyped-def]
     cut, (edges, samples) = sampled.cut, who.shape
     slices = edges // len(cut.passed)
     places, runs = _in_cut(who)
-    count = len(places)
-    matrix, right = np.eye(2 * count), np.zeros(2 * count)
-    for r in range(count):
+    begin, of_place, basis = _unknowns(sampled, share, who, places)
+    unknowns = len(basis)
+    matrix, right = np.eye(unknowns), np.zeros(unknowns)
+    by_along, by_across = np.empty(len(places)), np.empty(len(places))
+    for r in range(len(places)):
         j = places[r]
         for e in range(edges):
             k = who[e, j]
             if k < 0:
                 continue
-            s, c, tooth, weight = sampled.sine[e, j], sampled.cosine[e, j], e // slices, share * sampled.weight[e, j]
-            along = -weight * (cut.tangential * c + cut.radial * s)
-            across = weight * (cut.tangential * s - cut.radial * c)
+            s, c, tooth = sampled.sine[e, j], sampled.cosine[e, j], e // slices
+            along, across = _push(sampled, share, e, j)
             chip = cut.feed * cut.passed[tooth, k] * s + cut.longer[tooth, k]
-            right[r] += along * chip
-            right[count + r] += across * chip
-            for axis in range(2):
-                moved_x, moved_y = between[tooth, k, 0, axis], between[tooth, k, 1, axis]
-                row_along, row_across = matrix[r], matrix[count + r]
-                for run in range(len(runs)):
-                    first, size = runs[run, 0], runs[run, 1] - runs[run, 0]
-                    since = places[first] - j + samples
-                    column = axis * count + first
-                    x, y = moved_x[since : since + size], moved_y[since : since + size]
-                    to_along, to_across = row_along[column : column + size], row_across[column : column + size]
-                    for q in range(size):
-                        chip = s * x[q] + c * y[q]
-                        to_along[q] -= along * chip
-                        to_across[q] -= across * chip
+            answer = between[tooth, k]
+            for run in range(len(runs)):
+                first, size = runs[run, 0], runs[run, 1] - runs[run, 0]
+                since = places[first] - j + samples
+                x_along, y_along = answer[0, 0, since : since + size], answer[1, 0, since : since + size]
+                x_across, y_across = answer[0, 1, since : since + size], answer[1, 1, since : since + size]
+                thicker_along, thicker_across = by_along[first : first + size], by_across[first : first + size]
+                for q in range(size):
+                    thicker_along[q] = s * x_along[q] + c * y_along[q]
+                    thicker_across[q] = s * x_across[q] + c * y_across[q]
+            for own in range(begin[r], begin[r + 1]):
+                direction = basis[own]
+                part = (along * direction[0] + across * direction[1]) / (direction[0] ** 2 + direction[1] ** 2)
+                right[own] += part * chip
+                row = matrix[own]
+                for u in range(unknowns):
+                    q = of_place[u]
+                    row[u] -= part * (by_along[q] * basis[u, 0] + by_across[q] * basis[u, 1])
     solved = np.linalg.solve(matrix, right)
     force = np.zeros((2, samples))
-    for r in range(count):
-        force[0, places[r]], force[1, places[r]] = solved[r], solved[count + r]
+    for u in range(unknowns):
+        j = places[of_place[u]]
+        force[0, j] += solved[u] * basis[u, 0]
+        force[1, j] += solved[u] * basis[u, 1]
     return force
+
+
+@compiled
+def _push(sampled, share, e, j):  # type: ignore[no-untyped-def]
+    """Return the force of an edge at a sample over its chip, along and across [N/m]."""
+    cut, weight = sampled.cut, share * sampled.weight[e, j]
+    s, c = sampled.sine[e, j], sampled.cosine[e, j]
+    return -weight * (cut.tangential * c + cut.radial * s), weight * (cut.tangential * s - cut.radial * c)
+
+
+@compiled
+def _unknowns(sampled, share, who, places):  # type: ignore[no-untyped-def]
+    """Return what the forces at places are made of: where a single edge cuts, its own direction, and its chip counts.
+
+    That halves the unknowns of a cut in which teeth take turns. Elsewhere there are two, along and across.
+
+    begin (place + 1,): the first unknown of each place; of_place (unknown,), the place of each; basis (unknown, 2), the
+    forces that they stand for [N/m].
+    """
+    begin, count = np.zeros(len(places) + 1, np.int64), 0
+    of_place, basis = np.empty(2 * len(places), np.int64), np.zeros((2 * len(places), 2))
+    for r in range(len(places)):
+        cutting, last = 0, 0
+        for e in range(len(who)):
+            if who[e, places[r]] >= 0:
+                cutting, last = cutting + 1, e
+        if cutting == 1:
+            basis[count] = _push(sampled, share, last, places[r])
+        else:
+            basis[count, 0], basis[count + 1, 1] = share * sampled.cut.tangential, share * sampled.cut.tangential
+        begin[r + 1] = begin[r] + (1 if cutting == 1 else 2)
+        of_place[begin[r] : begin[r + 1]] = r
+        count = begin[r + 1]
+    return begin, of_place[:count], basis[:count]
 
 
 @compiled

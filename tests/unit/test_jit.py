@@ -47,3 +47,31 @@ def test_a_damaged_cache_is_made_again(tmp_path, ending, kept):
 def test_a_file_in_the_place_of_the_cache_is_no_reason_to_fail(tmp_path):
     (tmp_path / "cache").write_text("")
     assert run(tmp_path) == ("42", "0")
+
+
+CALLED = """
+from chatter_core.jit import compiled
+
+@compiled
+def twice(number):
+    return {factor} * number
+"""
+CALLING = """
+from called import twice
+from chatter_core.jit import compiled
+
+@compiled
+def around(number):
+    return twice(number)
+
+print(around(21), sum(around.stats.cache_hits.values()))
+"""
+
+
+def test_what_a_compiled_function_calls_is_compiled_with_it(tmp_path):
+    (tmp_path / "program.py").write_text(CALLING)
+    (tmp_path / "called.py").write_text(CALLED.format(factor=2))
+    assert run(tmp_path) == ("42", "0")
+    assert run(tmp_path) == ("42", "1")
+    (tmp_path / "called.py").write_text(CALLED.format(factor=10))
+    assert run(tmp_path) == ("210", "0")
