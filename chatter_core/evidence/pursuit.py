@@ -19,6 +19,7 @@ from chatter_core.evidence.starts import (
     SMALLEST_PROMISE,
     Worth,
     chosen,
+    is_silent,
     missed_frequencies,
     promises,
     scanned_widely,
@@ -153,7 +154,7 @@ def look(
     promised = partial(promises, worth, comparison, new=new, at_null=at_null.evaluation, amplitudes=amplitudes)
     starts = [(climb.promise_of(at_null), own), *promised(own=own, scanned=True)]
     widely = scanned_widely(new, comparison)
-    if nested.bent or widely:
+    if nested.bent or (widely and is_silent(comparison)):
         starts += promised(own=plain, scanned=widely)
     return Prospect(
         candidates=tuple(candidates),

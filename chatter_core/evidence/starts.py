@@ -117,16 +117,23 @@ def shapes_of(new: Candidate, comparison: Comparison, at_null: Evaluation | None
     return [*shapes, *missed, *(1.0 - BESIDE) * missed, *(1.0 + BESIDE) * missed]
 
 
-def scanned_widely(new: Candidate, comparison: Comparison) -> bool:
-    """Return whether what is scanned of an effect is looked at from everywhere: at all strengths, and beside any model.
-
-    Strengths always are; shapes where no chatter frequency says what the model misses.
+def is_silent(comparison: Comparison) -> bool:
+    """Return whether no chatter frequency was heard that would say what a model misses.
 
     See docs/physics.md#diagnosis.
     """
     trials = comparison.model.campaign.trials
-    silent = trials is None or not np.isfinite(trials.chatter_frequency).any()
-    return new.scan is not None and (silent or any(p.name == new.scan[0] for p in new.amplitudes))
+    return trials is None or not np.isfinite(trials.chatter_frequency).any()
+
+
+def scanned_widely(new: Candidate, comparison: Comparison) -> bool:
+    """Return whether what is scanned of an effect is looked at with all strengths, and beside what a model has left.
+
+    Strengths always are, shapes where no chatter frequency was heard.
+
+    See docs/physics.md#diagnosis.
+    """
+    return new.scan is not None and (is_silent(comparison) or any(p.name == new.scan[0] for p in new.amplitudes))
 
 
 def _scanned(new: Candidate, comparison: Comparison, own: Array, amplitudes: Sequence[float]) -> list[Array]:

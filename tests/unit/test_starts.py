@@ -8,7 +8,7 @@ import pytest
 from chatter_core.evidence import CampaignModel, Comparison, base_model
 from chatter_core.evidence.candidates import Candidate, extended
 from chatter_core.evidence.measured import OUTCOMES
-from chatter_core.evidence.pursuit import fit_hypothesis, ground, refit, refit_from
+from chatter_core.evidence.pursuit import fit_hypothesis, ground, look, refit, refit_from
 from chatter_core.evidence.starts import other_shapes
 from tests.synthetic import RPM, campaign, tip_machine, trials
 from tests.unit.test_candidates import base_of, candidate
@@ -50,6 +50,21 @@ def test_the_search_ends_no_lower_than_a_fit_from_the_truth(new, speeds, true):
     assert ended.fit.log_posterior > base.fit.log_posterior + 9.0
     # Two climbs in a posterior with edges may differ by twice what its roughness is, one nat.
     assert found.fit.log_posterior > ended.fit.log_posterior - 2.0
+
+
+@pytest.mark.parametrize(("heard", "bent", "beside"), [(False, False, True), (True, False, False), (True, True, True)])
+def test_pitches_are_looked_at_beside_the_machine_as_described_where_nothing_else_says_what_is_missed(
+    heard, bent, beside
+):
+    frequency = np.array([6000.0 if heard else np.nan, np.nan])
+    cuts = trials(SLOW[:2], np.array([1e-3, 2e-3]), outcome=np.array([2, 0], np.int8), chatter_frequency=frequency)
+    fitted = base_of(campaign(tip_machine(), trials=cuts))
+    damping = [p.name for p in fitted.fit.parameters].index("damping")
+    estimate = fitted.fit.estimate.copy()
+    estimate[damping] = 0.3
+    base = replace(fitted, fit=replace(fitted.fit, estimate=estimate))
+    found = look(base.comparison, [PITCH], replace(ground(base), bent=bent)).starts
+    assert {start[damping] for _, start in found} == ({0.3, 0.0} if beside else {0.3})
 
 
 def test_what_is_named_is_climbed_to_from_its_other_shapes():
