@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from chatter_core.floquet import LinearSystem
 from chatter_core.jit import compiled
+from chatter_core.linear_equations import solve
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -428,41 +429,51 @@ def _forces(sampled, share, between, who):  # type: ignore[no-untyped-def]
     begin, of_place, basis = _unknowns(sampled, share, who, places)
     unknowns = len(basis)
     matrix, right = np.eye(unknowns), np.zeros(unknowns)
-    by_along, by_across = np.empty(len(places)), np.empty(len(places))
+    # How much the forces at every place change those at one: both ways of the one by both of the other.
+    change = np.empty((2, 2, len(places)))
     for r in range(len(places)):
-        j = places[r]
+        j, first_own, many = places[r], begin[r], begin[r + 1] - begin[r]
+        change[:] = 0.0
         for e in range(edges):
             k = who[e, j]
             if k < 0:
                 continue
             s, c, tooth = sampled.sine[e, j], sampled.cosine[e, j], e // slices
-            along, across = _push(sampled, share, e, j)
+            push = _push(sampled, share, e, j)
             chip = cut.feed * cut.passed[tooth, k] * s + cut.longer[tooth, k]
-            answer = between[tooth, k]
-            for run in range(len(runs)):
-                first, size = runs[run, 0], runs[run, 1] - runs[run, 0]
-                since = places[first] - j + samples
-                x_along, y_along = answer[0, 0, since : since + size], answer[1, 0, since : since + size]
-                x_across, y_across = answer[0, 1, since : since + size], answer[1, 1, since : since + size]
-                thicker_along, thicker_across = by_along[first : first + size], by_across[first : first + size]
-                for q in range(size):
-                    thicker_along[q] = s * x_along[q] + c * y_along[q]
-                    thicker_across[q] = s * x_across[q] + c * y_across[q]
-            for own in range(begin[r], begin[r + 1]):
-                direction = basis[own]
-                part = (along * direction[0] + across * direction[1]) / (direction[0] ** 2 + direction[1] ** 2)
-                right[own] += part * chip
-                row = matrix[own]
-                for u in range(unknowns):
-                    q = of_place[u]
-                    row[u] -= part * (by_along[q] * basis[u, 0] + by_across[q] * basis[u, 1])
-    solved = np.linalg.solve(matrix, right)
+            for own in range(many):
+                direction = basis[first_own + own]
+                part = (push[0] * direction[0] + push[1] * direction[1]) / (direction[0] ** 2 + direction[1] ** 2)
+                right[first_own + own] += part * chip
+                for axis in range(2):
+                    _add_thicker(
+                        places, runs, samples - j, part * s, part * c, between[tooth, k, :, axis], change[own, axis]
+                    )
+        for own in range(many):
+            along, across, row = change[own, 0], change[own, 1], matrix[first_own + own]
+            for u in range(unknowns):
+                row[u] -= along[of_place[u]] * basis[u, 0] + across[of_place[u]] * basis[u, 1]
+    solved = solve(matrix, right)
     force = np.zeros((2, samples))
     for u in range(unknowns):
         j = places[of_place[u]]
         force[0, j] += solved[u] * basis[u, 0]
         force[1, j] += solved[u] * basis[u, 1]
     return force
+
+
+@compiled
+def _add_thicker(places, runs, ahead, sine, cosine, moved, thicker):  # type: ignore[no-untyped-def]
+    """Add by how much a force at each place makes a chip thicker (place,).
+
+    moved: (2, lag), by a force; ahead: where in it a force at the first sample is found.
+    """
+    for run in range(len(runs)):
+        first, stop = runs[run, 0], runs[run, 1]
+        since = places[first] + ahead
+        x, y, here = moved[0, since : since + stop - first], moved[1, since : since + stop - first], thicker[first:stop]
+        for q in range(stop - first):
+            here[q] += sine * x[q] + cosine * y[q]
 
 
 @compiled

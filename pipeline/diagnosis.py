@@ -163,7 +163,8 @@ def check_enough(model: CampaignModel) -> None:
 def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
     """Return every effect that the model lacks and that can act on its machine, in all its variants.
 
-    Unequal teeth take longest and come first, then what acts last in the chain: no worker should be left with them.
+    Unequal teeth take longest and come first, then what is looked at value by value, then what acts last in the chain:
+    no worker should be left with them.
     """
     found = [
         Candidate(
@@ -182,10 +183,10 @@ def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
     return sorted(found, key=_cost_order)
 
 
-def _cost_order(candidate: Candidate) -> tuple[bool, int, str]:
+def _cost_order(candidate: Candidate) -> tuple[bool, bool, int, str]:
     """Return what sorts candidates by how long they take, the longest first."""
     place, name = candidate.place
-    return place != PLACE_OF_TEETH, -place, name
+    return place != PLACE_OF_TEETH, candidate.scan is None, -place, name
 
 
 def not_tried(model: CampaignModel, content: Content) -> dict[str, str]:

@@ -1,0 +1,59 @@
+"""Linear equations of which a few directions hold the solution, by GMRES.
+
+A force that repeats with the revolution answers for itself through what it moves, and that dies away but for a few slow
+motions: of its equations, 60 to 230, 13 to 19 directions hold the solution. With elimination all that
+``chatter_core.contact`` does for four helical teeth takes 1.6 times as long, for three straight ones as long.
+
+Source: Y. Saad, M. H. Schultz, SIAM J. Sci. Stat. Comput. 7 (1986) 856-869.
+"""
+
+import math
+
+import numpy as np
+
+from chatter_core.jit import compiled
+
+#: Directions at most, and the share of the right side that may be left.
+DIRECTIONS, SOLVED = 60, 1e-12
+
+
+@compiled
+def solve(matrix, right):  # type: ignore[no-untyped-def]
+    """Return the solution (unknown,) of linear equations, to SOLVED; matrix (equation, unknown), right (equation,).
+
+    A few directions hold it where the matrix is that of one but for a few strong directions; where they do not,
+    elimination finds it.
+
+    See docs/physics.md#forced-motion.
+    """
+    size, most = math.sqrt(np.dot(right, right)), min(DIRECTIONS, len(right))
+    basis, triangle = np.zeros((most + 1, len(right))), np.zeros((most + 1, most))
+    cosine, sine, left = np.zeros(most), np.zeros(most), np.zeros(most + 1)
+    basis[0], left[0], new = right / size, size, np.empty(len(right))
+    for j in range(most):
+        np.dot(matrix, basis[j], new)
+        for i in range(j + 1):
+            known, overlap = basis[i], 0.0
+            for u in range(len(new)):
+                overlap += known[u] * new[u]
+            for u in range(len(new)):
+                new[u] -= overlap * known[u]
+            triangle[i, j] = overlap
+        beyond = math.sqrt(np.dot(new, new))
+        for i in range(j):
+            above, below = triangle[i, j], triangle[i + 1, j]
+            triangle[i, j], triangle[i + 1, j] = (
+                cosine[i] * above + sine[i] * below,
+                cosine[i] * below - sine[i] * above,
+            )
+        turned = math.sqrt(triangle[j, j] ** 2 + beyond**2)
+        cosine[j], sine[j], triangle[j, j] = triangle[j, j] / turned, beyond / turned, turned
+        left[j], left[j + 1] = cosine[j] * left[j], -sine[j] * left[j]
+        if abs(left[j + 1]) <= SOLVED * size:
+            for row in range(j, -1, -1):
+                left[row] = (left[row] - np.dot(triangle[row, row + 1 : j + 1], left[row + 1 : j + 1])) / triangle[
+                    row, row
+                ]
+            return np.dot(left[: j + 1], basis[: j + 1])
+        basis[j + 1] = new / beyond
+    return np.linalg.solve(matrix, right)
