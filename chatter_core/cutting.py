@@ -165,7 +165,8 @@ def _add_edges(  # type: ignore[no-untyped-def]
             last = math.ceil((leave + lag) / turn)
             for t in range(time.shape[1]):
                 turned = spindle_speed[p] * time[p, t] + ahead
-                # A remainder would cost more than all else that is done for an edge out of the cut.
+                # A remainder would cost more than all else that is done for an edge out of the cut. Rounding may bring
+                # this to a turn, or below none: edges at either end of their range cut nothing.
                 phase = turned - turn * math.floor(turned / turn)
                 for edge in range(first, last + 1):
                     angle = phase + turn * edge

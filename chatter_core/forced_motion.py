@@ -66,7 +66,8 @@ class Modes(NamedTuple):
 class Answer(NamedTuple):
     """What a force at one sample moves, every revolution anew, (output, input, time) and twice over [m/N].
 
-    after: at times since then; between: less what it moved when the k-th tooth before passed (tooth, k, ..).
+    after: at times since then; between: less what it moved when the k-th tooth before passed (tooth, k, ..), by times
+    that the force is ahead.
     """
 
     after: Array
@@ -134,7 +135,7 @@ def answer(once: Array, since: Array) -> Answer:
 def _fill_between(once, since, between):  # type: ignore[no-untyped-def]
     """Fill in what a force at one sample moves less what it moved when a tooth before passed; between: see Answer.
 
-    Time runs backwards here: as the force does, seen from where it is felt.
+    By how many samples the force is ahead of the motion: a row of equations holds one motion and the forces in turn.
     """
     systems, times = once.shape[:2]
     for s, tooth, k in np.ndindex((systems, *since.shape)):
@@ -204,11 +205,9 @@ def at(motion, place):  # type: ignore[no-untyped-def]
     whole = math.floor(place)
     part = place - whole
     low = int(whole)
-    # A remainder would cost more than all else here.
-    while low < 0:
-        low += samples
-    while low >= samples:
-        low -= samples
+    if not 0 <= low < samples:
+        # Mostly in the revolution before: a remainder would cost more than all else here.
+        low = low + samples if -samples <= low < 0 else low % samples
     high = low + 1 if low + 1 < samples else 0
     left = 1.0 - part
     return left * motion[0, low] + part * motion[0, high], left * motion[1, low] + part * motion[1, high]
@@ -429,7 +428,7 @@ def _forces(sampled, share, between, who):  # type: ignore[no-untyped-def]
     begin, of_place, basis = _unknowns(sampled, share, who, places)
     unknowns = len(basis)
     matrix, right = np.eye(unknowns), np.zeros(unknowns)
-    # How much the forces at every place change those at one: both ways of the one by both of the other.
+    # What forces along and across at every place do to the unknowns of one, of which there are two at most.
     change = np.empty((2, 2, len(places)))
     for r in range(len(places)):
         j, first_own, many = places[r], begin[r], begin[r + 1] - begin[r]
@@ -493,21 +492,20 @@ def _unknowns(sampled, share, who, places):  # type: ignore[no-untyped-def]
     begin (place + 1,): the first unknown of each place; of_place (unknown,), the place of each; basis (unknown, 2), the
     forces that they stand for [N/m].
     """
-    begin, count = np.zeros(len(places) + 1, np.int64), 0
+    begin, size = np.zeros(len(places) + 1, np.int64), share * math.hypot(sampled.cut.tangential, sampled.cut.radial)
     of_place, basis = np.empty(2 * len(places), np.int64), np.zeros((2 * len(places), 2))
     for r in range(len(places)):
-        cutting, last = 0, 0
+        cutting, last, first = 0, 0, begin[r]
         for e in range(len(who)):
             if who[e, places[r]] >= 0:
                 cutting, last = cutting + 1, e
         if cutting == 1:
-            basis[count] = _push(sampled, share, last, places[r])
+            basis[first] = _push(sampled, share, last, places[r])
         else:
-            basis[count, 0], basis[count + 1, 1] = share * sampled.cut.tangential, share * sampled.cut.tangential
-        begin[r + 1] = begin[r] + (1 if cutting == 1 else 2)
-        of_place[begin[r] : begin[r + 1]] = r
-        count = begin[r + 1]
-    return begin, of_place[:count], basis[:count]
+            basis[first, 0], basis[first + 1, 1] = size, size
+        begin[r + 1] = first + (1 if cutting == 1 else 2)
+        of_place[first : begin[r + 1]] = r
+    return begin, of_place[: begin[-1]], basis[: begin[-1]]
 
 
 @compiled

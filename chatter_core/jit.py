@@ -1,9 +1,11 @@
 """Compiled functions: how the program uses numba, in one place."""
 
+import hashlib
 import pickle
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -30,17 +32,17 @@ DAMAGED = (EOFError, pickle.UnpicklingError, OSError, ValueError, KeyError, Inde
 class _ForgivingCache(FunctionCache):
     """Numba's cache on disk, of a function that calls compiled ones of other files, too.
 
-    Numba asks for the age of a function's own file alone, and what it calls is part of what is kept. Damaged files
-    count as absent, and a full disk as a place that cannot be written.
+    Numba looks at a function's own file alone, and what it calls is part of what is kept. Damaged files count as
+    absent, and a full disk as a place that cannot be written.
     """
 
     def __init__(self, function: Callable[..., Any], sources: frozenset[str]) -> None:
         super().__init__(function)  # type: ignore[no-untyped-call]
-        states = [Path(source).stat() for source in sorted(sources)]
+        own = self._impl.locator.get_source_stamp()
         self._cache_file = IndexDataCacheFile(  # type: ignore[no-untyped-call]
             cache_path=self._cache_path,
             filename_base=self._impl.filename_base,
-            source_stamp=tuple((state.st_mtime, state.st_size) for state in states),
+            source_stamp=(own, *((source, _digest(source)) for source in sorted(sources))),
         )
 
     def load_overload(self, signature: Any, target: Any) -> Any:
@@ -67,23 +69,43 @@ def compiled(function: Callable[..., Any]) -> Any:
     """Compile a function when it is first called, and keep the result on disk where there is a place for it."""
     dispatcher = numba.njit(**OPTIONS)(function)
     dispatcher.sources = _sources(function)
-    # Neither the code's folder nor the user's cache folder may be there to write, nor the source to be asked.
-    with suppress(RuntimeError, OSError):
+    # Neither the code's folder nor the user's cache folder may be there to write.
+    with suppress(RuntimeError):
         dispatcher._cache = _ForgivingCache(function, dispatcher.sources)
     return dispatcher
 
 
-def _sources(function: Callable[..., Any]) -> frozenset[str]:
-    """Return the files of a function and of what its file had imported before, in its package.
+@cache
+def _digest(source: str) -> str:
+    """Return what a file's content is known by, nothing where it cannot be read, as in a notebook."""
+    try:
+        return hashlib.sha256(Path(source).read_bytes()).hexdigest()
+    except OSError:
+        return ""
 
-    Of a number that was imported alone nobody knows where it is from.
+
+def _sources(function: Callable[..., Any]) -> frozenset[str]:
+    """Return the files that a function may be compiled from: what its file had imported before, in its package.
+
+    With those that compiled functions among them are compiled from. A number that was imported alone does not say where
+    it is from.
     """
-    values, package = list(function.__globals__.values()), function.__module__.partition(".")[0]
-    names = {value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", "") for value in values}
-    own = [name for name in names if isinstance(name, str) and name.partition(".")[0] == package]
-    files = [getattr(sys.modules.get(name), "__file__", None) for name in own]
-    behind = [getattr(value, "sources", ()) for value in values if isinstance(value, Dispatcher)]
+    values, package = list(function.__globals__.values()), _top(function.__module__)
+    modules = [one for one in map(_module, values) if one is not None and _top(one.__name__) == package]
+    within = [value for module in modules for value in vars(module).values()]
+    behind = [one.sources for one in (*values, *within) if isinstance(one, Dispatcher) and hasattr(one, "sources")]
+    files = (getattr(module, "__file__", None) for module in modules)
     return frozenset({function.__code__.co_filename, *filter(None, files)}).union(*behind)
+
+
+def _module(value: Any) -> ModuleType | None:
+    """Return a module, or the one that a function or class is from; None where nothing says so."""
+    name = getattr(value, "__module__", None)
+    return value if isinstance(value, ModuleType) else sys.modules.get(name) if isinstance(name, str) else None
+
+
+def _top(name: str | None) -> str:
+    return (name or "").partition(".")[0]
 
 
 def scipy_routine(library: str, name: str, arguments: str) -> Any:

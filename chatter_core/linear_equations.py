@@ -2,7 +2,7 @@
 
 A force that repeats with the revolution answers for itself through what it moves, and that dies away but for a few slow
 motions: of its equations, 60 to 230, 13 to 19 directions hold the solution. With elimination all that
-``chatter_core.contact`` does for four helical teeth takes 1.6 times as long, for three straight ones as long.
+``chatter_core.contact`` does took 1.6 times as long for four helical teeth, and no longer for three straight ones.
 
 Source: Y. Saad, M. H. Schultz, SIAM J. Sci. Stat. Comput. 7 (1986) 856-869.
 """
@@ -21,13 +21,16 @@ DIRECTIONS, SOLVED = 60, 1e-12
 def solve(matrix, right):  # type: ignore[no-untyped-def]
     """Return the solution (unknown,) of linear equations, to SOLVED; matrix (equation, unknown), right (equation,).
 
-    A few directions hold it where the matrix is that of one but for a few strong directions; where they do not,
-    elimination finds it.
+    A few directions hold it where the matrix is the identity but for a few strong ones; where they do not, elimination
+    finds it. Raises LinAlgError where there is none.
 
     See docs/physics.md#forced-motion.
     """
     size, most = math.sqrt(np.dot(right, right)), min(DIRECTIONS, len(right))
+    if size == 0.0:
+        return np.zeros(len(right))
     basis, triangle = np.zeros((most + 1, len(right))), np.zeros((most + 1, most))
+    # Rotations that bring the columns to a triangle, and what they leave of the right side.
     cosine, sine, left = np.zeros(most), np.zeros(most), np.zeros(most + 1)
     basis[0], left[0], new = right / size, size, np.empty(len(right))
     for j in range(most):

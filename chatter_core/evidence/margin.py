@@ -29,8 +29,8 @@ WIDEST_GAP, STEEPEST = 0.5, 2.5
 #: ln|mu| where a curve has answers elsewhere and none here, as where no motion repeats with the revolution (any
 #: longer). Such a cut is not steady: it counts as unstable, by however much.
 NOT_STEADY = 0.1
-#: Crossings are found to this in ln(depth): far less than any outcome curve is wide. Where ln|mu| leaps it takes a
-#: halving for each factor of two.
+#: Crossings are bracketed to this in ln(depth), and told by a straight line within: those of smooth curves to some
+#: 1e-9, as differences over a thousandth of a prior's width need. A leap of ln|mu| is anywhere within.
 CROSSING_TOLERANCE = 1e-4
 #: Step in ln(depth) for the slope at a crossing, and how far a crossing may move to be followed.
 SLOPE_STEP, FARTHEST = 1e-3, 0.05
@@ -167,4 +167,12 @@ def _crossings(growth: Growth, on: Indices, at: Array, looked: Array) -> tuple[I
         args=(on[low].astype(float),),
         tolerances={"xatol": CROSSING_TOLERANCE, "xrtol": 0.0},
     )
-    return on[low][found.success], np.asarray(found.x)[found.success]
+    return on[low][found.success], _between(found.bracket, found.f_bracket)[found.success]
+
+
+def _between(bracket: tuple[Array, Array], value: tuple[Array, Array]) -> Array:
+    """Return where straight lines through the ends of brackets cross zero (crossing,)."""
+    (low, high), (below, above) = bracket, value
+    # A crossing that was met exactly is one of the ends, or both.
+    share = np.divide(below, below - above, out=np.zeros_like(below), where=below != above)
+    return np.asarray(low + share * (high - low))

@@ -154,7 +154,7 @@ def look(
     promised = partial(promises, worth, comparison, new=new, at_null=at_null.evaluation, amplitudes=amplitudes)
     starts = [(climb.promise_of(at_null), own), *promised(own=own, scanned=True)]
     widely = scanned_widely(new, comparison)
-    if nested.bent or (widely and is_silent(comparison)):
+    if nested.bent or (new.scan is not None and is_silent(comparison)):
         starts += promised(own=plain, scanned=widely)
     return Prospect(
         candidates=tuple(candidates),

@@ -127,7 +127,7 @@ def is_silent(comparison: Comparison) -> bool:
 
 
 def scanned_widely(new: Candidate, comparison: Comparison) -> bool:
-    """Return whether what is scanned of an effect is looked at with all strengths, and beside what a model has left.
+    """Return whether what is scanned of an effect is looked at with all strengths, and beside the machine as described.
 
     Strengths always are, shapes where no chatter frequency was heard.
 

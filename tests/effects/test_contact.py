@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chatter_core import chain
+from chatter_core import chain, forced_motion
 from chatter_core.chain import milling_equation, structure
 from chatter_core.contact import FINER, SAMPLES, forced_contact
 from chatter_core.cutting import CuttingGain
 from chatter_core.effects import activate, apply_effects
 from chatter_core.evidence.prediction import FITTING_METHOD
-from chatter_core.forced_motion import periodic_answer
+from chatter_core.forced_motion import Cut, answer, at, move, periodic_answer
 from chatter_core.machine import Machine
 from chatter_core.stability import branches, critical_multipliers, evaluate
 from chatter_core.teeth import Engagement, Teeth, passages
@@ -46,6 +46,46 @@ def test_a_force_that_repeats_moves_the_tip_as_its_fourier_series_says(reference
             turn = np.exp(1j * np.append(0.0, line) * lag * step / finer)
             expected = np.einsum("n,noi->oi", weights * turn, answers).real
             assert found[number, lag] == pytest.approx(expected, abs=1e-9 * np.abs(found[number]).max())
+
+
+@pytest.mark.parametrize(("count", "slices"), [(2, 1), (3, 1), (3, 2), (5, 2)])
+def test_forces_that_repeat_while_who_cuts_what_is_held_are_those_of_the_motion_that_they_force(
+    count, slices, reference_machine: Machine
+):
+    """Edges take turns or cut together, whom they follow is drawn: some chips are negative, and that is held, too."""
+    rng, samples, speed = np.random.default_rng(count), 12 * count, np.array([9000.0]) * RPM
+    pitch = 1.0 + 0.2 * rng.uniform(-0.5, 0.5, count)
+    passed = np.array([np.cumsum(np.roll(pitch * count / pitch.sum(), -tooth)) for tooth in range(count)])
+    built = structure(reference_machine, speed, mode_count=3)
+    system = milling_equation(reference_machine, built, np.array([0]), np.array([1e-3])).system
+    told = answer(periodic_answer(system, 2.0 * math.pi / speed, samples), passed * samples / count)
+    offset = np.sort(rng.uniform(0.0, 2.0 * math.pi, count * slices))
+    longer = 1e-5 * rng.standard_normal((count, count))
+    cut = Cut(offset, 0.2, 2.8, passed, longer, 8e-5, 2e6, 5e5)
+    sampled = forced_motion._sampled(cut, samples)
+    who = np.where(sampled.weight > 0.0, rng.integers(-1, count, sampled.weight.shape), -1)
+    assert {1, slices} <= set((who >= 0).sum(axis=0))
+    force = forced_motion._forces(sampled, 0.7, told.between[0], who)
+    motion, expected = np.empty_like(force), np.zeros_like(force)
+    move(told.after[0], force, motion)
+    for e, j in np.argwhere(who >= 0):
+        tooth, k, s, c = e // slices, who[e, j], sampled.sine[e, j], sampled.cosine[e, j]
+        then = at(motion, j - passed[tooth, k] * samples / count)
+        moved = s * (motion[0, j] - then[0]) + c * (motion[1, j] - then[1])
+        chip = cut.feed * passed[tooth, k] * s + longer[tooth, k] + moved
+        both = np.array([-2e6 * c - 5e5 * s, 2e6 * s - 5e5 * c])
+        expected[:, j] += 0.7 * sampled.weight[e, j] * chip * both
+    # Equations solved to 1e-12, enlarged by their condition.
+    assert force == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
+
+
+def test_the_motion_repeats_however_far_a_place_is():
+    motion = np.random.default_rng(1).standard_normal((2, 8))
+    for place in (-0.0, -1e-17, 0.25, 7.5, -0.5, -8.0, 8.0, -77.75, 1e6 + 0.5):
+        whole = math.floor(place)
+        expected = (1.0 - place + whole) * motion[:, whole % 8] + (place - whole) * motion[:, (whole + 1) % 8]
+        assert at(motion, place) == pytest.approx(expected, abs=1e-12)
+    assert np.isnan(at(motion, math.nan)).all()
 
 
 @pytest.mark.parametrize("seed", range(6))

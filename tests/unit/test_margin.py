@@ -78,8 +78,8 @@ def test_where_a_curve_has_no_answer_any_longer_its_cuts_are_not_stable():
 
     margin, crossing = margins(growth, np.array([0, 0, 1, 2]), np.array([0.0, 0.3, 0.0, 0.0]))
     # The first curve ends at 0.1 though it would lose stability at 0.12; nothing is known of the second.
-    assert margin == pytest.approx([-0.1, 0.2, np.nan, -0.12], abs=1e-5, nan_ok=True)
-    assert crossing == pytest.approx([0.1, -0.2, np.nan, 0.12], abs=1e-5, nan_ok=True)
+    assert margin == pytest.approx([-0.1, 0.2, np.nan, -0.12], abs=CROSSING_TOLERANCE, nan_ok=True)
+    assert crossing == pytest.approx([0.1, -0.2, np.nan, 0.12], abs=CROSSING_TOLERANCE, nan_ok=True)
     assert [array.tolist() for array in each_alone(growth, [])] == [[], []]
 
 
@@ -96,6 +96,18 @@ def test_crossings_are_followed_smoothly_through_the_cut_itself():
     assert followed == pytest.approx(expected, abs=3e-5)
     assert followed[0] > 0.0 > margin[0]
     assert after[:3] == pytest.approx(limit[:3] - 0.002, abs=3e-5)
+
+
+def test_the_same_model_is_followed_to_where_it_was():
+    """Differences over down to 2e-5 of a prior's width are taken of this: 1e-7 would be a slope of 0.005 a width."""
+    limit = np.linspace(-0.4, 0.4, 41)
+
+    def growth(curve, place):
+        return np.expm1(3.0 * (place - limit[curve])) * (1.0 + place**2)
+
+    margin, crossing = each_alone(growth, np.zeros(len(limit)))
+    followed, _ = followed_margins(growth, np.arange(len(limit)), np.zeros(len(limit)), margin, crossing)
+    assert followed == pytest.approx(margin, abs=1e-7)
 
 
 def test_cuts_that_share_a_crossing_follow_it_together():

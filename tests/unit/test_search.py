@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from chatter_core.evidence import pursuit
+from chatter_core.evidence import base_model, pursuit
 from chatter_core.evidence.ranking import NOTHING
 from pipeline import search
+from pipeline.diagnosis import candidates_of
+from pipeline.model_file import Content
+from tests.synthetic import campaign, trials
 from tests.unit.test_candidates import ASYMMETRY, COEFFICIENT, PROCESS_DAMPING, base_of, candidate, judged
 
 IMMERSION = candidate("radial_immersion_error")
@@ -40,6 +43,15 @@ def done(monkeypatch):
 
 def of(done, step):
     return [name for what, name in done if what == step]
+
+
+def test_what_takes_longest_comes_first(reference_machine):
+    """Unequal teeth, of which pitches are looked at value by value, then all else that is."""
+    plan = campaign(reference_machine, trials=trials(np.array([800.0]), np.array([1e-3])))
+    found = candidates_of(base_model(plan), Content())
+    kinds = [(one.name in ("tool_runout", "variable_pitch"), one.scan is not None) for one in found]
+    assert kinds == sorted(kinds, reverse=True)
+    assert len(set(kinds)) == 4
 
 
 def test_what_promises_far_less_than_another_gained_is_not_climbed(base, done, monkeypatch):
