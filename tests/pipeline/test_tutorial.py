@@ -201,8 +201,8 @@ def test_what_is_left_is_told_as_it_is(told):
     shares = quoted("# of the balls' inertia and # of the higher modes")
     for share, effect in zip(shares, ("speed_dependent_bearing", "higher_modes"), strict=True):
         found = told.last["calibration"][f"{effect}.share"]
-        # The fit ends at an edge of the posterior, of which there are several within its deviation of 0.05.
-        rounded(share, found["estimate"], 0.03)
+        # The fit ends at an edge of the posterior, and rounding says at which of several within its deviation, 0.05.
+        rounded(share, found["estimate"], 0.06)
         # The truth, 1, lies within.
         assert found["high"] == pytest.approx(1.0)
     unseen = {row["effect"] for row in told.last["power"] if not row["seen"]}
