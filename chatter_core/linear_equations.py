@@ -1,4 +1,4 @@
-"""Linear equations of which a few directions hold the solution, by GMRES.
+"""Linear equations of which a few directions hold the solution, by GMRES, and loops over vectors for compiled code.
 
 A force that repeats with the revolution answers for itself through what it moves, and that dies away but for a few slow
 motions: of its equations, 60 to 230, 13 to 19 directions hold the solution. With elimination all that
@@ -18,6 +18,28 @@ DIRECTIONS, SOLVED = 60, 1e-12
 
 
 @compiled
+def dot(left, right):  # type: ignore[no-untyped-def]
+    """Return the inner product of two vectors, in a loop that the compiler can put where it is called.
+
+    See docs/physics.md#collocation.
+    """
+    total = 0.0
+    for i in range(len(left)):
+        total += left[i] * right[i]
+    return total
+
+
+@compiled
+def add(factor, vector, result):  # type: ignore[no-untyped-def]
+    """Add so many times a vector to another one, in such a loop.
+
+    See docs/physics.md#collocation.
+    """
+    for i in range(len(vector)):
+        result[i] += factor * vector[i]
+
+
+@compiled
 def solve(matrix, right):  # type: ignore[no-untyped-def]
     """Return the solution (unknown,) of linear equations, to SOLVED; matrix (equation, unknown), right (equation,).
 
@@ -26,7 +48,7 @@ def solve(matrix, right):  # type: ignore[no-untyped-def]
 
     See docs/physics.md#forced-motion.
     """
-    size, most = math.sqrt(np.dot(right, right)), min(DIRECTIONS, len(right))
+    size, most = math.sqrt(dot(right, right)), min(DIRECTIONS, len(right))
     if size == 0.0:
         return np.zeros(len(right))
     basis, triangle = np.zeros((most + 1, len(right))), np.zeros((most + 1, most))
@@ -36,13 +58,9 @@ def solve(matrix, right):  # type: ignore[no-untyped-def]
     for j in range(most):
         np.dot(matrix, basis[j], new)
         for i in range(j + 1):
-            known, overlap = basis[i], 0.0
-            for u in range(len(new)):
-                overlap += known[u] * new[u]
-            for u in range(len(new)):
-                new[u] -= overlap * known[u]
-            triangle[i, j] = overlap
-        beyond = math.sqrt(np.dot(new, new))
+            triangle[i, j] = dot(basis[i], new)
+            add(-triangle[i, j], basis[i], new)
+        beyond = math.sqrt(dot(new, new))
         for i in range(j):
             above, below = triangle[i, j], triangle[i + 1, j]
             triangle[i, j], triangle[i + 1, j] = (
@@ -54,9 +72,8 @@ def solve(matrix, right):  # type: ignore[no-untyped-def]
         left[j], left[j + 1] = cosine[j] * left[j], -sine[j] * left[j]
         if abs(left[j + 1]) <= SOLVED * size:
             for row in range(j, -1, -1):
-                left[row] = (left[row] - np.dot(triangle[row, row + 1 : j + 1], left[row + 1 : j + 1])) / triangle[
-                    row, row
-                ]
+                known = dot(triangle[row, row + 1 : j + 1], left[row + 1 : j + 1])
+                left[row] = (left[row] - known) / triangle[row, row]
             return np.dot(left[: j + 1], basis[: j + 1])
         basis[j + 1] = new / beyond
     return np.linalg.solve(matrix, right)

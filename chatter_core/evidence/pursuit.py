@@ -153,9 +153,8 @@ def look(
     worth, plain = Worth(climb, at_null, known, added), unbent(comparison, own)
     promised = partial(promises, worth, comparison, new=new, at_null=at_null.evaluation, amplitudes=amplitudes)
     starts = [(climb.promise_of(at_null), own), *promised(own=own, scanned=True)]
-    widely = scanned_widely(new, comparison)
     if nested.bent or (new.scan is not None and is_silent(comparison)):
-        starts += promised(own=plain, scanned=widely)
+        starts += promised(own=plain, scanned=scanned_widely(new, comparison))
     return Prospect(
         candidates=tuple(candidates),
         nested=nested,

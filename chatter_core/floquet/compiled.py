@@ -38,6 +38,7 @@ from chatter_core.floquet.delays import LookBack
 from chatter_core.floquet.equation import Array, ComplexArray, DelayEquation
 from chatter_core.floquet.multipliers import EXHAUSTED, WARM_UP, Krylov, grown
 from chatter_core.jit import compiled
+from chatter_core.linear_equations import add, dot
 
 #: Below this |z| the integrals are a power series of so many terms, above they are integrated by
 #: parts: either errs by less than 3e-12 here.
@@ -269,20 +270,6 @@ def _tables() -> tuple[Array, Array, Array, Array]:
 
 
 @compiled
-def _dot(left, right):  # type: ignore[no-untyped-def]
-    total = 0.0
-    for i in range(len(left)):
-        total += left[i] * right[i]
-    return total
-
-
-@compiled
-def _add(factor, vector, result):  # type: ignore[no-untyped-def]
-    for i in range(len(vector)):
-        result[i] += factor * vector[i]
-
-
-@compiled
 def _integrals(z, grown, series, at_end, at_start, real, imaginary):  # type: ignore[no-untyped-def]
     """Fill the integrals of one pole (end and node,); grown: exp(z e) at every end."""
     real[:] = 0.0
@@ -344,8 +331,8 @@ def _integrate(  # type: ignore[no-untyped-def]
                 if through != 0.0:
                     for i in range(NODES):
                         row = respond[o * NODES + i]
-                        _add(through.real, re[i * NODES : (i + 1) * NODES], row[c * NODES : (c + 1) * NODES])
-                        _add(-through.imag, im[i * NODES : (i + 1) * NODES], row[c * NODES : (c + 1) * NODES])
+                        add(through.real, re[i * NODES : (i + 1) * NODES], row[c * NODES : (c + 1) * NODES])
+                        add(-through.imag, im[i * NODES : (i + 1) * NODES], row[c * NODES : (c + 1) * NODES])
 
 
 @compiled
@@ -440,15 +427,15 @@ def _apply(  # type: ignore[no-untyped-def]
                 visible = z[seen]
                 for j in range(o * NODES, (o + 1) * NODES):
                     row = observe[p, j]
-                    mismatch[j] = _dot(row[seen], visible)
+                    mismatch[j] = dot(row[seen], visible)
             if several:
                 _look_back(
                     start[parts:], end[parts:], origin[e], past[e], share[e], term_gain[e], delayed[: inputs * NODES]
                 )
             for j in range(values):
-                mismatch[j] -= _dot(respond[p, j], delayed[: inputs * NODES]) if several else before[j]
+                mismatch[j] -= dot(respond[p, j], delayed[: inputs * NODES]) if several else before[j]
             for j in range(values):
-                difference[j] = _dot(solve[e, j], mismatch)
+                difference[j] = dot(solve[e, j], mismatch)
                 after[j] = difference[j] if several else before[j] + difference[j]
             acting = force[e]
             for s in range(inputs * NODES):
@@ -464,8 +451,8 @@ def _apply(  # type: ignore[no-untyped-def]
             if acts:
                 pushing = slice(pushes[k, 0] * NODES, pushes[k, 1] * NODES)
                 real, imaginary, acting = drive[p, 2 * k], drive[p, 2 * k + 1], force[e]
-                z[2 * k] += _dot(real[pushing], acting[pushing])
-                z[2 * k + 1] += _dot(imaginary[pushing], acting[pushing])
+                z[2 * k] += dot(real[pushing], acting[pushing])
+                z[2 * k + 1] += dot(imaginary[pushing], acting[pushing])
 
 
 @compiled
@@ -486,7 +473,7 @@ def _look_back(start, end, origin, past, share, term_gain, delayed):  # type: ig
 @compiled
 def _norm(vector, size):  # type: ignore[no-untyped-def]
     """Return a norm that overflows only where an entry does."""
-    square = _dot(vector[:size], vector[:size])
+    square = dot(vector[:size], vector[:size])
     if SAFE_SQUARE < square < 1.0 / SAFE_SQUARE:
         return math.sqrt(square)
     largest = 0.0
@@ -512,9 +499,9 @@ def _orthogonalise(new, basis, hessenberg, j, size):  # type: ignore[no-untyped-
     for _ in range(3):
         for a in range(j + 1):
             known = basis[a]
-            overlap = _dot(known[:size], new[:size])
+            overlap = dot(known[:size], new[:size])
             hessenberg[a, j] += overlap
-            _add(-overlap, known[:size], new[:size])
+            add(-overlap, known[:size], new[:size])
         after = _norm(new, size)
         if after > LEFT * before:
             return after
