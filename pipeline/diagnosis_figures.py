@@ -3,7 +3,9 @@
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from chatter_core.evidence.power import ENOUGH
 from chatter_core.evidence.ranking import NOTHING
@@ -13,6 +15,8 @@ from pipeline.figures import COLOURS
 
 #: Evidences beyond this are drawn at the end of the axis [nats].
 MOST_NATS = 200.0
+#: Marks on axes of evidence, as far as an axis reaches [nats]: they are apart, near zero as well as far from it.
+MARKS = (-10.0, -5.0, 0.0, 5.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
 
 
 def write(found: Diagnosis, folder: Path) -> list[Path]:
@@ -48,7 +52,10 @@ def ranking(found: Diagnosis) -> Figure:
     gains = np.clip([one.gain for one in shown], -10.0, MOST_NATS)
     right.barh(rows, gains, color=colours)
     right.axvline(0.0, color="black", linewidth=0.8)
-    right.set_xscale("symlog", linthresh=5.0)
+    _scale_by_nats(right)
+    # What is no evidence looks like none.
+    low, high = right.get_xlim()
+    right.set_xlim(min(low, -1.2 * ENOUGH), max(high, 1.2 * ENOUGH))
     right.set_xlabel("evidence over that of the base model [nats]")
     for axes in (left, right):
         axes.grid(alpha=0.3, axis="x")
@@ -68,10 +75,18 @@ def power(found: Diagnosis) -> Figure:
         reached += share
     axes.axvline(ENOUGH, color="black", linestyle="--", linewidth=1.0)
     axes.set_yticks(rows, [str(one.candidate).replace("_", " ") for one in powers], fontsize="small")
-    axes.set_xscale("symlog", linthresh=ENOUGH)
+    _scale_by_nats(axes)
     axes.set_xlim(0.0, max(MOST_NATS, float(reached.max()) * 1.1))
     axes.set_xlabel("log-likelihood that nothing else could make up for [nats]; dashed: needed to be seen")
     axes.set_title("What these measurements could have shown", loc="left", fontweight="bold")
     axes.legend(frameon=False, loc="lower right")
     axes.grid(alpha=0.3, axis="x")
     return figure
+
+
+def _scale_by_nats(axes: Axes) -> None:
+    """Make an axis straight up to what is ENOUGH to both sides and logarithmic beyond."""
+    axes.set_xscale("symlog", linthresh=ENOUGH)
+    axes.xaxis.set_major_locator(FixedLocator(MARKS))
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.xaxis.set_minor_locator(NullLocator())

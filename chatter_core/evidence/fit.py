@@ -92,10 +92,12 @@ def maximise(
     free: NDArray[np.bool_],
     most: int = CLIMBED_STARTS,
     smallest_gain: float = SMALLEST_GAIN,
+    *,
+    leaps: bool = True,
 ) -> Maximum:
     """Return the highest maximum that is reached from the ``most`` highest of the starts.
 
-    A climb ends where its next step promises less than ``smallest_gain`` [nats].
+    A climb ends where its next step promises less than ``smallest_gain`` [nats]; leaps: as ``Climb.from_start`` has it.
 
     See docs/physics.md#fit.
     """
@@ -104,7 +106,7 @@ def maximise(
     if len(starts) > 1:
         heights = [climb.posterior(start)[0] for start in starts]
         order = np.argsort(heights)[::-1][:most].tolist()
-    found = [climb.from_start(starts[index], smallest_gain) for index in order]
+    found = [climb.from_start(starts[index], smallest_gain, leaps=leaps) for index in order]
     best = max(found, key=lambda maximum: maximum.log_posterior)
     return Maximum(**{**vars(best), "evaluations": climb.evaluations})
 

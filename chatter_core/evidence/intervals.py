@@ -1,5 +1,6 @@
 """Intervals of single parameters by profiling: how far one can be moved while all others make up for it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,13 +116,15 @@ def _end(problem: Problem, fit: Fit, index: int, side: int, wanted: float) -> En
     def value(distance: float) -> float:
         return bound if distance >= room else estimate + side * distance
 
-    distance, drops, start = [0.0], [0.0], fit.estimate
+    distance, drops, places = [0.0], [0.0], [fit.estimate]
     following = wanted * deviation
     for refit in range(1, MOST_REFITS + 1):
         following = min(following, room)
-        drop, start = _drop(problem, fit, index, value(following), start)
+        starts = [places[one] for one in _beside(distance, following)]
+        drop, place = _drop(problem, fit, index, value(following), starts)
         distance.append(following)
         drops.append(drop)
+        places.append(place)
         if following == room and drop < wanted:
             return End(value=bound, is_open=True, refits=refit)
         low, high = _bracket(distance, drops, wanted)
@@ -163,24 +166,43 @@ def _where_wanted(distance: list[float], drops: list[float], wanted: float, low:
     return distance[low] * min(2.0, longer * wanted / reached)
 
 
-def _drop(problem: Problem, fit: Fit, index: int, value: float, start: Array) -> tuple[float, Array]:
-    """Return the root of twice the drop of the best log posterior at a value, and the values that reach it."""
+def _beside(distance: list[float], following: float) -> list[int]:
+    """Return the refits next to a distance, the one nearer to the estimate first."""
+    out = np.array(distance)
+    inside, outside = np.flatnonzero(out <= following), np.flatnonzero(out > following)
+    return [int(inside[out[inside].argmax()]), *(outside[out[outside].argsort()][:1].tolist())]
+
+
+def _drop(problem: Problem, fit: Fit, index: int, value: float, near: Sequence[Array]) -> tuple[float, Array]:
+    """Return the root of twice the drop of the best log posterior at a value, and the values that reach it.
+
+    near: values (parameter,) that refits nearby have reached. The climb begins from the highest of the places where the
+    others have followed from one of them or have stayed. It leaps over no edge: that takes a third of the time.
+    """
     free = ~fit.fixed
     free[index] = False
-    found = maximise(problem, [_expected(problem, fit, index, value, start)], free, most=1, smallest_gain=REFIT_GAIN)
+    starts = [_moved(one, index, value) for one in near]
+    starts += [_followed(problem, fit, index, value, one) for one in near]
+    found = maximise(problem, starts, free, most=1, smallest_gain=REFIT_GAIN, leaps=False)
     rise = found.log_posterior - fit.log_posterior
     if not np.isfinite(rise):
         # No model has an answer there: it lies outside, by however much.
-        return np.inf, start
+        return np.inf, near[0]
     if rise > HIGHER:
         raise HigherPlace(problem.parameters[index].name, found.values, rise)
     return float(np.sqrt(2.0 * max(-rise, 0.0))), found.values
 
 
-def _expected(problem: Problem, fit: Fit, index: int, value: float, start: Array) -> Array:
+def _followed(problem: Problem, fit: Fit, index: int, value: float, start: Array) -> Array:
     """Return where the others follow to (parameter,) from a start when one takes a value, were it all normal."""
     lower, upper = column(problem.parameters, "lower"), column(problem.parameters, "upper")
     along = fit.correlation[index] * fit.standard_deviation / fit.standard_deviation[index]
     following = np.clip(start + along * (value - start[index]), lower, upper)
-    following[index] = value
-    return np.where(fit.fixed, fit.estimate, following)
+    return np.where(fit.fixed, fit.estimate, _moved(following, index, value))
+
+
+def _moved(start: Array, index: int, value: float) -> Array:
+    """Return values (parameter,) of which one is another."""
+    moved = start.copy()
+    moved[index] = value
+    return moved

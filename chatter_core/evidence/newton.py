@@ -84,8 +84,11 @@ class Climb:
         evaluation = self.problem.evaluate(values)
         return evaluation.log_likelihood + log_prior(self.problem.parameters, values), evaluation
 
-    def from_start(self, start: Array, smallest_gain: float = SMALLEST_GAIN) -> Maximum:
-        """Climb from values (parameter,) until a step promises less than ``smallest_gain`` or none succeeds."""
+    def from_start(self, start: Array, smallest_gain: float = SMALLEST_GAIN, *, leaps: bool = True) -> Maximum:
+        """Climb from values (parameter,) until a step promises less than ``smallest_gain`` or none succeeds.
+
+        leaps: whether it goes on beyond an edge, once, where a slope leads there.
+        """
         here = self._place(np.clip(start, self.lower, self.upper))
         damping, before, stuck = DAMPING, [here.values], None
         reason, converged = f"no end after {MOST_STEPS} steps", False
@@ -99,7 +102,7 @@ class Climb:
             found = self._climb_once(
                 here, gradient, information, moving, damping, smallest_gain, eager=gain >= ROUGHNESS
             )
-            if found is None and gain >= ROUGHNESS and stuck is None:
+            if found is None and gain >= ROUGHNESS and stuck is None and leaps:
                 # An edge, and a slope that leads beyond it: once, the fit goes on from there.
                 step, _ = _step(gradient, information, moving, 0.0)
                 stuck = here, gradient, information
@@ -238,26 +241,32 @@ class Climb:
     def _differences(self, values: Array, here: Evaluation, index: int, size: float) -> tuple[Array, float]:
         """Return the derivatives of the coordinates (coordinate,) and of the log-likelihood by one parameter.
 
-        Where a datum jumps, the difference is taken anew over a tenth: what is merely steep then is smooth. What
+        Where a datum jumps, its difference is taken anew over a tenth: what is merely steep then is smooth. What
         still jumps, as where another branch of multipliers takes over, has no slope and is left out.
         """
         forward = values[index] + size <= self.upper[index]
+        slope, gradient = np.zeros(len(here.coordinates)), 0.0
+        sought = np.ones(len(here.log_density), dtype=bool)
         for _ in range(SHORTER_DIFFERENCES + 1):
             aside = values.copy()
             aside[index] += size if forward else -size
             self.evaluations += 1
             there = self.problem.evaluate(aside, here)
-            difference, density = there.coordinates - here.coordinates, there.log_density - here.log_density
-            jumping = np.abs(difference) > JUMP
-            if not jumping.any():
+            change = (aside[index] - values[index]) / self.width[index]
+            difference = there.coordinates - here.coordinates
+            jumping = np.zeros(len(sought), dtype=bool)
+            jumping[here.datum[np.abs(difference) > JUMP]] = True
+            found = sought & ~jumping
+            rows = found[here.datum]
+            slope[rows] = difference[rows] / change
+            gradient += float((there.log_density - here.log_density)[found].sum() / change)
+            # A difference to one side is off by half the curvature times its length, and the curvature is known.
+            gradient += 0.5 * change * float(slope[rows] @ slope[rows])
+            sought &= jumping
+            if not sought.any():
                 break
             size /= 10.0
-        change = (aside[index] - values[index]) / self.width[index]
-        jumps = np.zeros(len(density), dtype=bool)
-        jumps[here.datum[jumping]] = True
-        slope = np.where(jumps[here.datum], 0.0, difference) / change
-        # A difference to one side is off by half the curvature times its length, and the curvature is known.
-        return slope, float(density[~jumps].sum() / change + 0.5 * change * (slope @ slope))
+        return slope, gradient
 
     def _held(self, values: Array, gradient: Array) -> NDArray[np.bool_]:
         """Return which parameters stand at a bound that they would leave."""

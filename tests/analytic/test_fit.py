@@ -207,6 +207,27 @@ def test_a_datum_that_jumps_gives_no_slope_and_does_not_stop_the_fit():
     assert found.standard_deviation[0] == pytest.approx(1.0 / math.sqrt(401.0), rel=1e-3)
 
 
+def test_what_does_not_jump_keeps_its_long_difference():
+    """Over shorter ones that the jumping datum asks for, what merely is rough would have the slope of its roughness."""
+
+    def residuals(values):
+        rough = 1e-5 * math.sin(1e7 * values[0])
+        jumping = 0.0 if values[0] < 0.5001 else 2.0
+        steep = math.tanh(2e3 * (values[0] - 0.5))
+        return np.array([10.0 * (1.0 - values[0]) + rough, jumping, steep])
+
+    climb, start = Climb(Normal((parameter(),), residuals), np.ones(1, dtype=bool)), np.array([0.5])
+    here = climb.posterior(start)[1]
+    slope, gradient = climb.derivatives(start, here, climb.width)
+    # The first is told over 0.02, and the roughness moves it by 2e-5 at most; the last over a hundredth of that, where
+    # it changes by less than JUMP. What jumps is so near that every difference goes over it but one still shorter.
+    assert slope[0, 0] == pytest.approx(-10.0, abs=2.1e-5 / 0.02)
+    assert slope[1, 0] == 0.0
+    assert slope[2, 0] == pytest.approx(math.tanh(0.4) / 2e-4, rel=1e-6)
+    # By coordinates that are normal the score is minus the coordinate: 5 of the first, nothing of the others.
+    assert gradient[0] == pytest.approx(50.0, rel=1e-3)
+
+
 def test_of_several_starts_the_best_maximum_is_taken():
     two_peaks = Normal((parameter(prior_width=3.0),), lambda v: np.array([4.0 * (v[0] ** 2 - 1.0), 0.5 * (v[0] - 1.0)]))
     found = fit(two_peaks, starts=[np.array([-1.1]), np.array([1.3])], most=2)
