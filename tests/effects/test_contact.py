@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chatter_core import chain, forced_motion
+from chatter_core import chain, contact, forced_motion
 from chatter_core.chain import milling_equation, structure
 from chatter_core.contact import FINER, SAMPLES, forced_contact
 from chatter_core.cutting import CuttingGain
@@ -156,19 +156,61 @@ def test_growth_is_that_about_the_forced_motion(runout_um, rpm, depth_mm, refere
     assert abs(growth() - seen) > 0.045
 
 
+def met_by(machine: Machine, runout_um: float, speed, depth):
+    """Return the contact of cuts (point,) of a machine with runout."""
+    stages, point, process = model(machine, runout_um), np.arange(len(speed)), machine.process
+    built = structure(stages, speed, mode_count=4)
+    equation = milling_equation(stages, built, point, depth)
+    (gain, *_) = (term.gain for term in equation.feedback)
+    assert isinstance(gain, CuttingGain)
+    teeth, engagement = stages.teeth(machine.tool), stages.engagement(process)
+    return forced_contact(gain, teeth, engagement, process.feed_per_tooth, equation.system, point)
+
+
+#: What misses a motion, and how often Newton's method is tried at the full depth before something else is.
+MISSED = {"Newton once": 2, "Newton": 2, "rest": 1, "Newton and rest": 1}
+
+
+@pytest.mark.parametrize("missed", MISSED)
+def test_a_motion_that_one_way_misses_another_finds(missed: str, reference_machine: Machine, monkeypatch):
+    """Of a stable cut there is one motion, whichever way leads to it."""
+    speed, depth = np.array([9000.0]) * RPM, np.array([3e-4])
+    usual = met_by(reference_machine, 20.0, speed, depth)
+    real_settled, real_rest, asked = forced_motion._settled, forced_motion._from_rest, []
+
+    def settled(sampled, share, told, force, steps):
+        asked.append(share)
+        misses = "Newton" in missed and not (missed == "Newton once" and len(asked) == 2)
+        return not misses and real_settled(sampled, share, told, force, steps)
+
+    def from_rest(sampled, modes, revolution, most, enough):
+        """A start from rest stands still, and says that it moves."""
+        force, change = real_rest(sampled, modes, revolution, most, enough)
+        return (np.zeros_like(force), 1.0) if "rest" in missed else (force, change)
+
+    def found(cut, modes, revolution, told, coarse):
+        asked.clear()
+        force, arrived = forced_motion.repeating_force.py_func(cut, modes, revolution, told, coarse)
+        ways.append(len(asked))
+        return force, arrived
+
+    ways: list[int] = []
+    monkeypatch.setattr(forced_motion, "_settled", settled)
+    monkeypatch.setattr(forced_motion, "_from_rest", from_rest)
+    monkeypatch.setattr(contact, "repeating_force", found)
+    monkeypatch.setattr(contact, "_meet", contact._meet.py_func)
+    other = met_by(reference_machine, 20.0, speed, depth)
+    assert usual.found.all()
+    assert other.found.all()
+    # A start from rest alone is told that it repeats by a ten-thousandth of a motion for each revolution to come.
+    assert other.motion == pytest.approx(usual.motion, abs=1e-3 * np.abs(usual.motion).max())
+    assert set(ways) == {MISSED[missed]}
+
+
 def test_the_forced_motion_is_the_one_that_a_cut_settles_on(reference_machine: Machine):
     runout_um, rpm, depth_mm = CASES[1]
     ends, modes = simulated(reference_machine, runout_um, rpm, depth_mm, 200)
-    stages = model(reference_machine, runout_um)
-    built = structure(stages, np.array([rpm]) * RPM, mode_count=4)
-    equation = milling_equation(stages, built, np.array([0]), np.array([depth_mm * 1e-3]))
-    (gain, *_) = (term.gain for term in equation.feedback)
-    assert isinstance(gain, CuttingGain)
-    process = reference_machine.process
-    teeth = stages.teeth(reference_machine.tool)
-    met = forced_contact(
-        gain, teeth, stages.engagement(process), process.feed_per_tooth, equation.system, np.array([0])
-    )
+    met = met_by(reference_machine, runout_um, np.array([rpm]) * RPM, np.array([depth_mm * 1e-3]))
     count = reference_machine.tool.teeth
     for period in range(200 - count, 200):
         tip = np.array([ends[period, 0, modes.axis == axis, 0].sum() for axis in range(2)])
