@@ -106,7 +106,11 @@ def periodic_answer(system: LinearSystem, period: Array, samples: int, finer: in
     whole = np.exp(z * (np.where(near, since + samples, lag) - 1.0)) * (1.0 - grown[..., None]) ** 2
     acted[..., near] *= (1.0 - around)[..., None]
     answer = (acted + whole) * (step / (turned**2 * (1.0 - around)))[..., None]
-    return np.ascontiguousarray(np.einsum("sop,spn,spi->snoi", half.seen, answer, half.driven, optimize=True).real)
+    # Of every output, by every input.
+    share = half.seen[:, :, None, :] * half.driven.swapaxes(1, 2)[:, None, :, :]
+    systems, outputs, inputs, poles = share.shape
+    found = (share.reshape(systems, outputs * inputs, poles) @ answer).real
+    return np.ascontiguousarray(found.swapaxes(1, 2).reshape(systems, len(lag), outputs, inputs))
 
 
 def twice(answer: Array) -> Array:

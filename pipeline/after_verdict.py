@@ -18,7 +18,7 @@ from pipeline.cluster import Workers
 from pipeline.corrections import correct
 from pipeline.diagnosis import Diagnosis, name_of
 from pipeline.jobs import Job, spread, spread_parts
-from pipeline.pieces import held_out_jobs, interval_jobs, intervals, lobe_jobs
+from pipeline.pieces import held_out_jobs, interval_jobs, intervals, lobe_jobs, lobes
 from pipeline.profiling import own_parameters
 
 #: Parts of what is computed when the verdict stands, beside the cuts held out, which bear the names of hypotheses.
@@ -70,12 +70,12 @@ def side_by_side(
     """Return two hypotheses that were judged side by side, with their lobes."""
     parts = {"before": before, "after": after}
     jobs = {name: lobe_jobs(one.comparison.model, told.belief, f"lobes {name}") for name, (one, told) in parts.items()}
-    fields = spread_parts(workers, jobs)
+    drawn = {name: lobes(answers) for name, answers in spread_parts(workers, jobs).items()}
     best, told = after
     return Assessment(
         comparison=best.comparison,
-        described=replace(before[1], fields=fields["before"]),
-        refitted=replace(told, fields=fields["after"]),
+        described=replace(before[1], fields=drawn["before"]),
+        refitted=replace(told, fields=drawn["after"]),
         held_out=None,
         held_out_scores={},
         held_out_groups=0,

@@ -11,7 +11,7 @@ from pipeline.campaigns import Asked
 from pipeline.cluster import Workers
 from pipeline.jobs import Job, spread_parts
 from pipeline.judging import MODEL, Verb
-from pipeline.pieces import held_out_jobs, interval_jobs, intervals, lobe_jobs
+from pipeline.pieces import held_out_jobs, interval_jobs, intervals, lobe_jobs, lobes
 from pipeline.verbs.campaigns import CompareOptions
 
 
@@ -62,8 +62,8 @@ def compute(workers: Workers | None, comparison: Comparison, belief: Belief) -> 
     )
     return assess(
         comparison,
-        described=(described, before, first["lobes"]),
-        refitted=(fit, known, second["lobes"]),
+        described=(described, before, lobes(first["lobes"])),
+        refitted=(fit, known, lobes(second["lobes"])),
         held_out=second["held_out"],
         intervals=intervals(fit, parameters, second["intervals"]),
     )

@@ -1,12 +1,14 @@
 """Pieces of work that the verbs of a campaign share: cuts held out, and the lobes that are drawn."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from chatter_core.evidence import CampaignModel, Comparison
 from chatter_core.evidence.assessment import Ended, Limits, interval, interval_end
 from chatter_core.evidence.belief import Belief
-from chatter_core.evidence.boundary import field, setups
+from chatter_core.evidence.boundary import Field, deviation, setups, sure_field
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.held_out import groups, held_out
 from chatter_core.evidence.intervals import SIDES
@@ -32,9 +34,18 @@ def held_out_jobs(comparison: Comparison, calibrated: Array, before: Array, *, a
 
 
 def lobe_jobs(model: CampaignModel, belief: Belief, name: str) -> list[Job]:
-    """Return a job for the lobes of each setup that is drawn, with what is known of the parameters."""
+    """Return two jobs for the lobes of each setup that is drawn, with what is known of the parameters."""
     kinds = range(min(len(setups(model)), DRAWN_SETUPS))
-    return [Job(name=name, call=partial(field, model, belief, kind)) for kind in kinds]
+    return [
+        Job(name=f"{name}{of_what}", call=partial(call, model, belief, kind))
+        for kind in kinds
+        for call, of_what in ((sure_field, ""), (deviation, ", how sure"))
+    ]
+
+
+def lobes(answers: Sequence[Any]) -> list[Field]:
+    """Return the lobes that the answers of ``lobe_jobs`` make."""
+    return [replace(sure, deviation=known) for sure, known in zip(answers[::2], answers[1::2], strict=True)]
 
 
 def interval_jobs(comparison: Comparison, fit: Fit, names: Sequence[str]) -> list[Job]:

@@ -73,23 +73,47 @@ def field(
 
     See docs/physics.md#comparison.
     """
+    found = sure_field(model, belief, setup, grid)
+    return replace(found, deviation=deviation(model, belief, setup, grid, coarse_grid))
+
+
+def sure_field(model: CampaignModel, belief: Belief, setup: int, grid: tuple[int, int] = GRID) -> Field:
+    """Return the field of one setup of the cuts as if its parameters were known: all deviations are none.
+
+    See docs/physics.md#comparison.
+    """
     machine, points = setups(model)[setup]
-    known = belief.about(model)
     speed, depth = _axes(model, points, grid)
-    place = np.stack(np.meshgrid(speed, depth, indexing="ij"), axis=-1)
-    coarse_axes = _axes(model, points, coarse_grid)
-    coarse = _deviation(model, machine, known, *coarse_axes)
-    deviation = RegularGridInterpolator(coarse_axes, coarse, bounds_error=False, fill_value=None)(place)
+    growth = _growth_near_boundary(model.stages(belief.about(model).estimate, machine), model, speed, depth)
     return Field(
         machine=machine,
         trials=points[points < model.cuts.trials],
         limits=points[points >= model.cuts.trials] - model.cuts.trials,
         spindle_speed=speed,
         axial_depth=depth,
-        growth=_growth_near_boundary(model.stages(known.estimate, machine), model, speed, depth),
-        # Above the coarse grid's first depth it is told by the slope from there, which may lead below none.
-        deviation=np.maximum(deviation, 0.0),
+        growth=growth,
+        deviation=np.zeros_like(growth),
     )
+
+
+def deviation(
+    model: CampaignModel,
+    belief: Belief,
+    setup: int,
+    grid: tuple[int, int] = GRID,
+    coarse_grid: tuple[int, int] = COARSE_GRID,
+) -> Array:
+    """Return the deviation (speed, depth) of the same field, which takes as long again.
+
+    See docs/physics.md#comparison.
+    """
+    machine, points = setups(model)[setup]
+    place = np.stack(np.meshgrid(*_axes(model, points, grid), indexing="ij"), axis=-1)
+    coarse_axes = _axes(model, points, coarse_grid)
+    coarse = _deviation(model, machine, belief.about(model), *coarse_axes)
+    found = RegularGridInterpolator(coarse_axes, coarse, bounds_error=False, fill_value=None)(place)
+    # Above the coarse grid's first depth it is told by the slope from there, which may lead below none.
+    return np.asarray(np.maximum(found, 0.0))
 
 
 def setups(model: CampaignModel) -> list[tuple[Machine, Indices]]:

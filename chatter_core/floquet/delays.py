@@ -110,7 +110,7 @@ def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Element
     parts = _parts(layout, broken.smooth_from)
     velocity = np.zeros((*layout.piece.shape, NODES, *_couples(equation)))
     for gain in equation.velocity_gain:
-        velocity += _at_nodes(gain, layout, parts, _couples(equation))
+        _add_at_nodes(gain, layout, parts, velocity)
     return layout, _look_back(equation, layout, parts, delays), velocity
 
 
@@ -243,11 +243,14 @@ def _fill_parts(  # type: ignore[no-untyped-def]
 
 def _look_back(equation: DelayEquation, layout: Elements, parts: _Parts, delays: Array) -> LookBack:
     time, couples = layout.node_time, _couples(equation)
-    gain = np.stack([_at_nodes(feedback.gain, layout, parts, couples) for feedback in equation.feedback], axis=2)
+    of_all = np.zeros((*layout.piece.shape, len(equation.feedback), NODES, *couples))
+    for term, feedback in enumerate(equation.feedback):
+        _add_at_nodes(feedback.gain, layout, parts, of_all[:, :, term])
     # Of many teeth few cut at once: the terms that act in an element come first, and what acts nowhere is left out.
-    acts = np.any(gain != 0.0, axis=(3, 4, 5))
-    order = np.argsort(~acts, axis=2, kind="stable")[:, :, : max(1, acts.sum(axis=2).max())]
-    gain = np.take_along_axis(gain, order[..., None, None, None], axis=2)
+    order = np.zeros(of_all.shape[:3], dtype=np.intp)
+    order = order[:, :, : _acting_first(of_all, order)]
+    gain = np.empty((*order.shape, NODES, *couples))
+    _take(of_all, order, gain)
     earlier = time[:, :, None, :] - delays[np.arange(len(time))[:, None, None], order][..., None]
     past = earlier < layout.start[:, :1, None, None]
     earlier = np.where(past, earlier + equation.period[:, None, None, None], earlier)
@@ -256,19 +259,49 @@ def _look_back(equation: DelayEquation, layout: Elements, parts: _Parts, delays:
     return LookBack(element=element, past=past, weight=weight, gain=gain)
 
 
-def _at_nodes(gain: Gain, layout: Elements, parts: _Parts, couples: tuple[int, int]) -> Array:
-    """Return what stands for a gain at the nodes (point, element, node, input, output), zero where none acts.
+@compiled
+def _acting_first(gain, order):  # type: ignore[no-untyped-def]
+    """Fill in the terms (point, element, term), those that act first; return how many act at most, or one."""
+    most = 1
+    for p, e in np.ndindex(gain.shape[:2]):
+        count = 0
+        for acting in (True, False):
+            for term in range(gain.shape[2]):
+                if _acts(gain[p, e, term]) == acting:
+                    order[p, e, count] = term
+                    count += 1
+            if acting:
+                most = max(most, count)
+    return most
+
+
+@compiled
+def _acts(gain):  # type: ignore[no-untyped-def]
+    """Return whether a gain (node, input, output) acts at any node."""
+    acting = False
+    for place in np.ndindex(gain.shape):
+        acting = acting or gain[place] != 0.0
+    return acting
+
+
+@compiled
+def _take(of_all, order, gain):  # type: ignore[no-untyped-def]
+    """Fill in the gains (point, element, term, ..) of some terms, in their order."""
+    for p, e, t in np.ndindex(order.shape):
+        gain[p, e, t] = of_all[p, e, order[p, e, t]]
+
+
+def _add_at_nodes(gain: Gain, layout: Elements, parts: _Parts, result: Array) -> None:
+    """Add what stands for a gain at the nodes (point, element, node, input, output), nothing where it does not act.
 
     Its integrals against the nodes' polynomials, over the nodes' weights: the gain itself where that is smooth.
     """
     nodes, weights = collocation.gauss(NODES)
-    result = np.zeros((*layout.piece.shape, NODES, *couples))
     value = gain(parts.start[..., None] + parts.length[..., None] * nodes)
     _add_integrals(
         parts.start, parts.length, parts.element, layout.start, layout.length, nodes, weights,
         collocation.lagrange_powers(), value, result,
     )  # fmt: skip
-    return result
 
 
 @compiled

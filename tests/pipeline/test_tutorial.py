@@ -94,7 +94,8 @@ def told(tmp_path_factory) -> Told:
     with pytest.MonkeyPatch.context() as patched, redirect_stdout(said):
         patched.chdir(folder)
         # Lobes are drawn coarsely: no number hangs on them, and they would take a quarter of the time.
-        patched.setattr(pieces, "field", partial(pieces.field, grid=(40, 12), coarse_grid=(20, 6)))
+        patched.setattr(pieces, "sure_field", partial(pieces.sure_field, grid=(40, 12)))
+        patched.setattr(pieces, "deviation", partial(pieces.deviation, grid=(40, 12), coarse_grid=(20, 6)))
         # So is the cut that is to be made next looked for, and of intervals none is profiled but those of effects.
         patched.setattr(next_trial, "SPEEDS", 8)
         patched.setattr(next_trial, "DEPTHS", 6)
