@@ -313,10 +313,10 @@ class Climb:
             if found is not None:
                 return found, max(damping * DAMPING_DOWN, DAMPING_LEAST)
             longest, eager = SHORTENED * min(float(np.abs(step).max()), LONGEST_STEP), False
+            damping, up = damping * up, 2.0 * up
             # Where little damping makes no difference the next step would fall as this one did.
-            while damping <= DAMPING_MOST and np.abs(step).max() > longest:
+            while damping <= DAMPING_MOST and np.abs(_step(gradient, information, moving, damping)[0]).max() > longest:
                 damping, up = damping * up, 2.0 * up
-                step, _ = _step(gradient, information, moving, damping)
         return None
 
     def _rise(

@@ -228,6 +228,27 @@ def test_what_does_not_jump_keeps_its_long_difference():
     assert gradient[0] == pytest.approx(50.0, rel=1e-3)
 
 
+def test_a_step_that_falls_is_followed_by_one_that_is_truly_shorter():
+    tried = []
+
+    def residuals(values):
+        tried.append(values[0])
+        return np.array([10.0 * (1.0 - values[0]), 100.0 * (values[0] > 0.3)])
+
+    climb = Climb(Normal((parameter(),), residuals), np.ones(1, dtype=bool))
+    here = climb._place(np.array([0.25]))
+    gradient, information = climb.slope(here.values, here.evaluation, climb.width)
+    tried.clear()
+    found = climb._climb_once(here, gradient, information, climb.free, newton.DAMPING_LEAST, SMALLEST_GAIN, eager=False)
+    assert found is not None
+    assert 0.25 < found[0].values[0] <= 0.3
+    falling = np.array([value - 0.25 for value in tried if value > 0.3])
+    # So little damping at first would have to be raised a hundredfold before it is felt. From 0.74 to 0.05 it takes no
+    # more than log(0.74 / 0.05) / log(1 / 0.7) steps.
+    assert (falling[1:] <= newton.SHORTENED * falling[:-1]).all()
+    assert 2 <= len(falling) <= 8
+
+
 def test_of_several_starts_the_best_maximum_is_taken():
     two_peaks = Normal((parameter(prior_width=3.0),), lambda v: np.array([4.0 * (v[0] ** 2 - 1.0), 0.5 * (v[0] - 1.0)]))
     found = fit(two_peaks, starts=[np.array([-1.1]), np.array([1.3])], most=2)
