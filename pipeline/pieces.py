@@ -1,7 +1,6 @@
 """Pieces of work that the verbs of a campaign share: cuts held out, and the lobes that are drawn."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -45,7 +44,7 @@ def lobe_jobs(model: CampaignModel, belief: Belief, name: str) -> list[Job]:
 
 def lobes(answers: Sequence[Any]) -> list[Field]:
     """Return the lobes that the answers of ``lobe_jobs`` make."""
-    return [replace(sure, deviation=known) for sure, known in zip(answers[::2], answers[1::2], strict=True)]
+    return [sure.with_deviation(known) for sure, known in zip(answers[::2], answers[1::2], strict=True)]
 
 
 def interval_jobs(comparison: Comparison, fit: Fit, names: Sequence[str]) -> list[Job]:

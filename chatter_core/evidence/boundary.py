@@ -60,6 +60,10 @@ class Field:
     growth: Array
     deviation: Array
 
+    def with_deviation(self, deviation: Array) -> "Field":
+        """Return the same field with a deviation (speed, depth), NaN where the model has no answer."""
+        return replace(self, deviation=np.where(np.isnan(self.growth), np.nan, deviation))
+
 
 def field(
     model: CampaignModel,
@@ -74,7 +78,7 @@ def field(
     See docs/physics.md#comparison.
     """
     found = sure_field(model, belief, setup, grid)
-    return replace(found, deviation=deviation(model, belief, setup, grid, coarse_grid))
+    return found.with_deviation(deviation(model, belief, setup, grid, coarse_grid))
 
 
 def sure_field(model: CampaignModel, belief: Belief, setup: int, grid: tuple[int, int] = GRID) -> Field:
@@ -92,7 +96,7 @@ def sure_field(model: CampaignModel, belief: Belief, setup: int, grid: tuple[int
         spindle_speed=speed,
         axial_depth=depth,
         growth=growth,
-        deviation=np.zeros_like(growth),
+        deviation=np.where(np.isnan(growth), np.nan, 0.0),
     )
 
 
@@ -103,7 +107,7 @@ def deviation(
     grid: tuple[int, int] = GRID,
     coarse_grid: tuple[int, int] = COARSE_GRID,
 ) -> Array:
-    """Return the deviation (speed, depth) of the same field, which takes as long again.
+    """Return the deviation (speed, depth) of the same field, which may take as long again.
 
     See docs/physics.md#comparison.
     """
@@ -152,23 +156,24 @@ def _growth_near_boundary(stages: Stages, model: CampaignModel, speed: Array, de
 
 def _deviation(model: CampaignModel, machine: Machine, known: Belief, speed: Array, depth: Array) -> Array:
     """Return the standard deviation of ln|mu| (speed, depth), to first order in the parameters; 0 where it is far."""
+    asides = list(_asides(model, known))
+    if not asides:
+        return np.zeros((len(speed), len(depth)))
     at_speed, depths = np.repeat(np.arange(len(speed)), len(depth)), np.tile(depth, len(speed))
     cells = _Cells(model=model, machine=machine, speed=speed, index=at_speed, depth=depths)
     growth = cells.growth(known.estimate)
     deviation = np.where(np.isnan(growth), np.nan, 0.0)
-    asides = list(_asides(model, known))
-    if asides:
-        correlation = known.correlation[np.ix_(*2 * [[index for index, _, _ in asides]])]
-        wanted = np.abs(growth) < FAR
-        at_depth = np.tile(np.arange(len(depth)), len(speed))
-        few = np.flatnonzero(wanted & (at_speed % FEW == 0) & (at_depth % FEW == 0))
-        largest = np.nanmax(_moved(cells.select(few), growth[few], asides, correlation), initial=0.0)
-        close = _close(growth.reshape(len(speed), len(depth)), ENOUGH * largest)
-        near = np.flatnonzero(wanted & close.ravel())
-        deviation[near] = _moved(cells.select(near), growth[near], asides, correlation)
-        doubtful = np.flatnonzero((growth > 0.0) & (growth < DOUBTFUL * deviation))
-        sureness = _sureness(cells.select(doubtful), known.estimate, asides, correlation)
-        deviation[doubtful] = np.minimum(deviation[doubtful], growth[doubtful] / sureness)
+    correlation = known.correlation[np.ix_(*2 * [[index for index, _, _ in asides]])]
+    wanted = np.abs(growth) < FAR
+    at_depth = np.tile(np.arange(len(depth)), len(speed))
+    few = np.flatnonzero(wanted & (at_speed % FEW == 0) & (at_depth % FEW == 0))
+    largest = np.nanmax(_moved(cells.select(few), growth[few], asides, correlation), initial=0.0)
+    close = _close(growth.reshape(len(speed), len(depth)), ENOUGH * largest)
+    near = np.flatnonzero(wanted & close.ravel())
+    deviation[near] = _moved(cells.select(near), growth[near], asides, correlation)
+    doubtful = np.flatnonzero((growth > 0.0) & (growth < DOUBTFUL * deviation))
+    sureness = _sureness(cells.select(doubtful), known.estimate, asides, correlation)
+    deviation[doubtful] = np.minimum(deviation[doubtful], growth[doubtful] / sureness)
     return deviation.reshape(len(speed), len(depth))
 
 

@@ -105,7 +105,8 @@ def maximise(
     order = range(len(starts))
     if len(starts) > 1:
         heights = [climb.posterior(start)[0] for start in starts]
-        order = np.argsort(heights)[::-1][:most].tolist()
+        # What is no number is no height.
+        order = np.argsort(np.nan_to_num(heights, nan=-np.inf))[::-1][:most].tolist()
     found = [climb.from_start(starts[index], smallest_gain, leaps=leaps) for index in order]
     best = max(found, key=lambda maximum: maximum.log_posterior)
     return Maximum(**{**vars(best), "evaluations": climb.evaluations})

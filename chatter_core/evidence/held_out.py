@@ -24,8 +24,6 @@ GROUPS = 5
 SAME_SPEED = 0.01
 #: Fewer distinct speeds than this leave nothing to learn from.
 FEWEST_SPEEDS = 3
-#: A calibration ends where its next step promises less than this [nats]: it is asked for what it says of cuts.
-TOLD_GAIN = 0.05
 
 
 def speed_groups(campaign: Campaign) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -86,7 +84,7 @@ def held_out(comparison: Comparison, calibrated: Array, before: Array, group: in
         own = _restricted(training, known)
         starts.append(calibrate(training, start=own, smallest_gain=START_GAIN).estimate)
     free = free_parameters(training, (), *starts)
-    found = training.model.named(maximise(training, starts, free, len(starts), TOLD_GAIN, leaps=False).values)
+    found = training.model.named(maximise(training, starts, free, len(starts)).values)
     # What the training labels do not tell of, such as a marginal class that only the others have, is as it was before.
     values = _restricted(comparison, known | found)
     said = told(comparison, values, model.predict(values))

@@ -30,7 +30,7 @@ JUMP, SHORTER_DIFFERENCES = 0.5, 3
 #: Damping at the start, its factors after a failed step (twice that after each further one, as Nielsen has it) and
 #: after a good one, and where a direction is given up.
 DAMPING, DAMPING_UP, DAMPING_DOWN, DAMPING_MOST, DAMPING_LEAST = 1e-3, 4.0, 0.2, 1e6, 1e-6
-#: After a step that falls the next one is no longer than this share of it.
+#: After a step that falls the next one is no longer than this share of it, but for what bounds cut off.
 SHORTENED = 0.7
 #: Lengths at which a step is tried, as long as it rises: where data contradict each other the information is
 #: large and steps are short. The first of all is lengthened when it falls too, to leap over an edge, if there is more
@@ -89,7 +89,7 @@ class Climb:
     def from_start(self, start: Array, smallest_gain: float = SMALLEST_GAIN, *, leaps: bool = True) -> Maximum:
         """Climb from values (parameter,) until a step promises less than ``smallest_gain`` or none succeeds.
 
-        leaps: whether it goes on beyond an edge, once, where a slope leads there.
+        leaps: whether it goes on beyond an edge at which it is stuck, once, where a slope leads there.
         """
         here = self._place(np.clip(start, self.lower, self.upper))
         damping, before, stuck = DAMPING, [here.values], None

@@ -212,20 +212,21 @@ def test_what_does_not_jump_keeps_its_long_difference():
 
     def residuals(values):
         rough = 1e-5 * math.sin(1e7 * values[0])
-        jumping = 0.0 if values[0] < 0.5001 else 2.0
         steep = math.tanh(2e3 * (values[0] - 0.5))
-        return np.array([10.0 * (1.0 - values[0]) + rough, jumping, steep])
+        jumping = [0.0 if values[0] < edge else 2.0 for edge in (0.5001, 0.500001)]
+        return np.array([10.0 * (1.0 - values[0]) + rough, steep, *jumping])
 
     climb, start = Climb(Normal((parameter(),), residuals), np.ones(1, dtype=bool)), np.array([0.5])
     here = climb.posterior(start)[1]
     slope, gradient = climb.derivatives(start, here, climb.width)
     # The first is told over 0.02, and the roughness moves it by 2e-5 at most; the last over a hundredth of that, where
-    # it changes by less than JUMP. What jumps is so near that every difference goes over it but one still shorter.
+    # it changes by less than JUMP. What jumps is so near that all differences go over it, or all but one still shorter.
     assert slope[0, 0] == pytest.approx(-10.0, abs=2.1e-5 / 0.02)
-    assert slope[1, 0] == 0.0
-    assert slope[2, 0] == pytest.approx(math.tanh(0.4) / 2e-4, rel=1e-6)
-    # By coordinates that are normal the score is minus the coordinate: 5 of the first, nothing of the others.
-    assert gradient[0] == pytest.approx(50.0, rel=1e-3)
+    assert slope[1, 0] == pytest.approx(math.tanh(0.4) / 2e-4, rel=1e-6)
+    assert slope[2, 0] == slope[3, 0] == 0.0
+    # By coordinates that are normal the score is minus the coordinate: 5 of the first, nothing of the others; 5 times
+    # what roughness does to the slope.
+    assert gradient[0] == pytest.approx(50.0, abs=5.0 * 2.1e-5 / 0.02)
 
 
 def test_a_step_that_falls_is_followed_by_one_that_is_truly_shorter():
@@ -243,10 +244,34 @@ def test_a_step_that_falls_is_followed_by_one_that_is_truly_shorter():
     assert found is not None
     assert 0.25 < found[0].values[0] <= 0.3
     falling = np.array([value - 0.25 for value in tried if value > 0.3])
-    # So little damping at first would have to be raised a hundredfold before it is felt. From 0.74 to 0.05 it takes no
-    # more than log(0.74 / 0.05) / log(1 / 0.7) steps.
+    # So little damping at first has to be raised a hundred thousandfold before it is felt. From 0.74 to 0.05 it takes
+    # no more than log(0.74 / 0.05) / log(1 / 0.7) steps.
     assert (falling[1:] <= newton.SHORTENED * falling[:-1]).all()
     assert 2 <= len(falling) <= 8
+
+
+def test_a_climb_goes_on_beyond_an_edge_only_where_it_is_told_to():
+    """All steps from 0 fall, the whole one as well, and from where it ends a climb leads higher."""
+    one = Normal(
+        (parameter(prior_width=20.0),), lambda v: np.array([3.0 * (2.0 - v[0]), 6.0 * (v[0] - 3.0) * (v[0] > 0.05)])
+    )
+    start, free = np.zeros(1), np.ones(1, dtype=bool)
+    stuck, beyond = (maximise(one, [start], free, leaps=leaps) for leaps in (False, True))
+    assert (stuck.converged, beyond.converged) == (False, True)
+    assert stuck.values[0] <= 0.05
+    # 9 (2 - v)^2 + 36 (v - 3)^2 is least at 2.8; the fit ends within 0.005 nats of 45 / 2 (v - 2.8)^2.
+    assert beyond.values[0] == pytest.approx(2.8, abs=math.sqrt(0.005 / 22.5))
+
+
+def test_a_start_without_a_height_is_no_start():
+    def residuals(values):
+        return np.array([np.nan if values[0] > 5.0 else values[0] - 1.0])
+
+    found = maximise(
+        Normal((parameter(prior_width=20.0),), residuals), [np.array([6.0]), np.zeros(1)], np.ones(1, bool), 1
+    )
+    # Of half a squared distance no more than 0.005 is left, and the prior draws by a four hundredth.
+    assert found.values[0] == pytest.approx(1.0, abs=0.1 + 1.0 / 400.0)
 
 
 def test_of_several_starts_the_best_maximum_is_taken():
@@ -374,6 +399,20 @@ def test_ends_are_found_where_the_profile_leaps_lies_flat_or_is_steep(problem, e
         told = profile_end(problem, found, "a", side)
         assert told.value == pytest.approx(side * end, abs=off * EDGE_TOLERANCE * end)
         assert not told.is_open
+
+
+def test_a_refit_begins_where_the_others_stay_if_that_is_higher():
+    """Where a moves, b does not follow as the curvature has it: that leads to a plateau that nothing leads from."""
+
+    def residuals(v):
+        follows, plateau = abs(v[0]) < 0.3, abs(v[1]) > 0.5
+        return np.array([0.5 * v[0], 3.0 * (v[1] - v[0]) if follows else 3.0 if plateau else 3.0 * v[1]])
+
+    found = fit(Normal((parameter("a", prior_width=90.0), parameter("b", prior_width=90.0)), residuals))
+    for side in (-1, 1):
+        # a / 2 is then 1.645; a tenth of the drop, and what the priors take off: a thousandth.
+        exact = 2.0 * side * stats.norm.ppf(0.95)
+        assert profile_end(Normal(found.parameters, residuals), found, "a", side).value == pytest.approx(exact, rel=0.1)
 
 
 def test_an_end_beside_a_bound_with_a_slope_is_as_near_as_it_is():

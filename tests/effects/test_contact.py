@@ -167,8 +167,10 @@ def met_by(machine: Machine, runout_um: float, speed, depth):
     return forced_contact(gain, teeth, engagement, process.feed_per_tooth, equation.system, point)
 
 
-#: What misses a motion, and how often Newton's method is tried at the full depth before something else is.
-MISSED = {"Newton once": 2, "Newton": 2, "rest": 1, "Newton and rest": 1}
+#: What misses a motion, how often Newton's method is tried at the full depth before something else is, and how near
+#: what is found then comes. Newton's method ends at 1e-9 of the largest force; a start from rest where a revolution
+#: changes a motion by 1e-4, and half of what is left dies within one.
+MISSED = {"Newton once": (2, 1e-7), "Newton": (2, 2e-4), "rest": (1, 1e-7), "Newton and rest": (1, 1e-7)}
 
 
 @pytest.mark.parametrize("missed", MISSED)
@@ -202,9 +204,9 @@ def test_a_motion_that_one_way_misses_another_finds(missed: str, reference_machi
     other = met_by(reference_machine, 20.0, speed, depth)
     assert usual.found.all()
     assert other.found.all()
-    # A start from rest alone is told that it repeats by a ten-thousandth of a motion for each revolution to come.
-    assert other.motion == pytest.approx(usual.motion, abs=1e-3 * np.abs(usual.motion).max())
-    assert set(ways) == {MISSED[missed]}
+    tries, near = MISSED[missed]
+    assert other.motion == pytest.approx(usual.motion, abs=near * np.abs(usual.motion).max())
+    assert set(ways) == {tries}
 
 
 def test_the_forced_motion_is_the_one_that_a_cut_settles_on(reference_machine: Machine):
