@@ -30,8 +30,6 @@ JUMP, SHORTER_DIFFERENCES = 0.5, 3
 #: Damping at the start, its factors after a failed step (twice that after each further one, as Nielsen has it) and
 #: after a good one, and where a direction is given up.
 DAMPING, DAMPING_UP, DAMPING_DOWN, DAMPING_MOST, DAMPING_LEAST = 1e-3, 4.0, 0.2, 1e6, 1e-6
-#: After a step that falls the next one is no longer than this share of it, but for what bounds cut off.
-SHORTENED = 0.7
 #: Lengths at which a step is tried, as long as it rises: where data contradict each other the information is
 #: large and steps are short. The first of all is lengthened when it falls too, to leap over an edge, if there is more
 #: to be gained than ROUGHNESS.
@@ -243,32 +241,26 @@ class Climb:
     def _differences(self, values: Array, here: Evaluation, index: int, size: float) -> tuple[Array, float]:
         """Return the derivatives of the coordinates (coordinate,) and of the log-likelihood by one parameter.
 
-        Where a datum jumps, its difference is taken anew over a tenth: what is merely steep then is smooth. What
+        Where a datum jumps, the difference is taken anew over a tenth: what is merely steep then is smooth. What
         still jumps, as where another branch of multipliers takes over, has no slope and is left out.
         """
         forward = values[index] + size <= self.upper[index]
-        slope, gradient = np.zeros(len(here.coordinates)), 0.0
-        sought = np.ones(len(here.log_density), dtype=bool)
         for _ in range(SHORTER_DIFFERENCES + 1):
             aside = values.copy()
             aside[index] += size if forward else -size
             self.evaluations += 1
             there = self.problem.evaluate(aside, here)
-            change = (aside[index] - values[index]) / self.width[index]
-            difference = there.coordinates - here.coordinates
-            jumping = np.zeros(len(sought), dtype=bool)
-            jumping[here.datum[np.abs(difference) > JUMP]] = True
-            found = sought & ~jumping
-            rows = found[here.datum]
-            slope[rows] = difference[rows] / change
-            gradient += float((there.log_density - here.log_density)[found].sum() / change)
-            # A difference to one side is off by half the curvature times its length, and the curvature is known.
-            gradient += 0.5 * change * float(slope[rows] @ slope[rows])
-            sought &= jumping
-            if not sought.any():
+            difference, density = there.coordinates - here.coordinates, there.log_density - here.log_density
+            jumping = np.abs(difference) > JUMP
+            if not jumping.any():
                 break
             size /= 10.0
-        return slope, gradient
+        change = (aside[index] - values[index]) / self.width[index]
+        jumps = np.zeros(len(density), dtype=bool)
+        jumps[here.datum[jumping]] = True
+        slope = np.where(jumps[here.datum], 0.0, difference) / change
+        # A difference to one side is off by half the curvature times its length, and the curvature is known.
+        return slope, float(density[~jumps].sum() / change + 0.5 * change * (slope @ slope))
 
     def _held(self, values: Array, gradient: Array) -> NDArray[np.bool_]:
         """Return which parameters stand at a bound that they would leave."""
@@ -312,11 +304,7 @@ class Climb:
             found = self._rise(here, step * self.width, enough=WORTH_LENGTHENING * promised, eager=eager)
             if found is not None:
                 return found, max(damping * DAMPING_DOWN, DAMPING_LEAST)
-            longest, eager = SHORTENED * min(float(np.abs(step).max()), LONGEST_STEP), False
-            damping, up = damping * up, 2.0 * up
-            # Where little damping makes no difference the next step would fall as this one did.
-            while damping <= DAMPING_MOST and np.abs(_step(gradient, information, moving, damping)[0]).max() > longest:
-                damping, up = damping * up, 2.0 * up
+            damping, up, eager = damping * up, 2.0 * up, False
         return None
 
     def _rise(

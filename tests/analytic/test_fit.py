@@ -207,49 +207,6 @@ def test_a_datum_that_jumps_gives_no_slope_and_does_not_stop_the_fit():
     assert found.standard_deviation[0] == pytest.approx(1.0 / math.sqrt(401.0), rel=1e-3)
 
 
-def test_what_does_not_jump_keeps_its_long_difference():
-    """Over shorter ones that the jumping datum asks for, what merely is rough would have the slope of its roughness."""
-
-    def residuals(values):
-        rough = 1e-5 * math.sin(1e7 * values[0])
-        steep = math.tanh(2e3 * (values[0] - 0.5))
-        jumping = [0.0 if values[0] < edge else 2.0 for edge in (0.5001, 0.500001)]
-        return np.array([10.0 * (1.0 - values[0]) + rough, steep, *jumping])
-
-    climb, start = Climb(Normal((parameter(),), residuals), np.ones(1, dtype=bool)), np.array([0.5])
-    here = climb.posterior(start)[1]
-    slope, gradient = climb.derivatives(start, here, climb.width)
-    # The first is told over 0.02, and the roughness moves it by 2e-5 at most; the last over a hundredth of that, where
-    # it changes by less than JUMP. What jumps is so near that all differences go over it, or all but one still shorter.
-    assert slope[0, 0] == pytest.approx(-10.0, abs=2.1e-5 / 0.02)
-    assert slope[1, 0] == pytest.approx(math.tanh(0.4) / 2e-4, rel=1e-6)
-    assert slope[2, 0] == slope[3, 0] == 0.0
-    # By coordinates that are normal the score is minus the coordinate: 5 of the first, nothing of the others; 5 times
-    # what roughness does to the slope.
-    assert gradient[0] == pytest.approx(50.0, abs=5.0 * 2.1e-5 / 0.02)
-
-
-def test_a_step_that_falls_is_followed_by_one_that_is_truly_shorter():
-    tried = []
-
-    def residuals(values):
-        tried.append(values[0])
-        return np.array([10.0 * (1.0 - values[0]), 100.0 * (values[0] > 0.3)])
-
-    climb = Climb(Normal((parameter(),), residuals), np.ones(1, dtype=bool))
-    here = climb._place(np.array([0.25]))
-    gradient, information = climb.slope(here.values, here.evaluation, climb.width)
-    tried.clear()
-    found = climb._climb_once(here, gradient, information, climb.free, newton.DAMPING_LEAST, SMALLEST_GAIN, eager=False)
-    assert found is not None
-    assert 0.25 < found[0].values[0] <= 0.3
-    falling = np.array([value - 0.25 for value in tried if value > 0.3])
-    # So little damping at first has to be raised a hundred thousandfold before it is felt. From 0.74 to 0.05 it takes
-    # no more than log(0.74 / 0.05) / log(1 / 0.7) steps.
-    assert (falling[1:] <= newton.SHORTENED * falling[:-1]).all()
-    assert 2 <= len(falling) <= 8
-
-
 def test_a_climb_goes_on_beyond_an_edge_only_where_it_is_told_to():
     """All steps from 0 fall, the whole one as well, and from where it ends a climb leads higher."""
     one = Normal(

@@ -75,7 +75,8 @@ def test_a_how_to_does_what_it_says(page, tmp_path, monkeypatch):
     shutil.copytree(ROOT / "tests" / "data" / "campaigns" / "r01", tmp_path / "tests" / "data" / "campaigns" / "r01")
     monkeypatch.chdir(tmp_path)
     # Lobes are drawn coarsely: no number hangs on them, and they would take half of the time.
-    monkeypatch.setattr(pieces, "field", partial(pieces.field, grid=(40, 12), coarse_grid=(20, 6)))
+    monkeypatch.setattr(pieces, "sure_field", partial(pieces.sure_field, grid=(40, 12)))
+    monkeypatch.setattr(pieces, "deviation", partial(pieces.deviation, grid=(40, 12), coarse_grid=(20, 6)))
     # A study's figures take longer than the study, and are drawn in tests of their own.
     monkeypatch.setattr(figures, "write", lambda lobes, folder, preload: [])
     follow(blocks(page))
