@@ -178,8 +178,8 @@ def _drop(problem: Problem, fit: Fit, index: int, value: float, near: Sequence[A
     """Return the root of twice the drop of the best log posterior at a value, and the values that reach it.
 
     near: values (parameter,) that refits nearby have reached. The climb begins from the highest of the places where the
-    others have followed from one of them or have stayed. Where it is stuck at an edge
-    it ends: going on beyond took a third of the time, and led higher in one of three places, by half a nat.
+    others have followed from one of them or have stayed. Where it is stuck at an edge it ends: going on beyond took a
+    third of the time, and led higher in one of three places, by half a nat.
     """
     free = ~fit.fixed
     free[index] = False
