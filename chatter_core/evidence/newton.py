@@ -30,6 +30,8 @@ JUMP, SHORTER_DIFFERENCES = 0.5, 3
 #: Damping at the start, its factors after a failed step (twice that after each further one, as Nielsen has it) and
 #: after a good one, and where a direction is given up.
 DAMPING, DAMPING_UP, DAMPING_DOWN, DAMPING_MOST, DAMPING_LEAST = 1e-3, 4.0, 0.2, 1e6, 1e-6
+#: After a step that falls the next one is no longer than this share of it, but for what bounds cut off.
+SHORTENED = 0.7
 #: Lengths at which a step is tried, as long as it rises: where data contradict each other the information is
 #: large and steps are short. The first of all is lengthened when it falls too, to leap over an edge, if there is more
 #: to be gained than ROUGHNESS.
@@ -304,7 +306,11 @@ class Climb:
             found = self._rise(here, step * self.width, enough=WORTH_LENGTHENING * promised, eager=eager)
             if found is not None:
                 return found, max(damping * DAMPING_DOWN, DAMPING_LEAST)
-            damping, up, eager = damping * up, 2.0 * up, False
+            longest, eager = SHORTENED * min(float(np.abs(step).max()), LONGEST_STEP), False
+            damping, up = damping * up, 2.0 * up
+            # Where little damping makes no difference the next step would fall as this one did.
+            while damping <= DAMPING_MOST and np.abs(_step(gradient, information, moving, damping)[0]).max() > longest:
+                damping, up = damping * up, 2.0 * up
         return None
 
     def _rise(

@@ -207,6 +207,27 @@ def test_a_datum_that_jumps_gives_no_slope_and_does_not_stop_the_fit():
     assert found.standard_deviation[0] == pytest.approx(1.0 / math.sqrt(401.0), rel=1e-3)
 
 
+def test_a_step_that_falls_is_followed_by_one_that_is_truly_shorter():
+    tried = []
+
+    def residuals(values):
+        tried.append(values[0])
+        return np.array([10.0 * (1.0 - values[0]), 100.0 * (values[0] > 0.3)])
+
+    climb = Climb(Normal((parameter(),), residuals), np.ones(1, dtype=bool))
+    here = climb._place(np.array([0.25]))
+    gradient, information = climb.slope(here.values, here.evaluation, climb.width)
+    tried.clear()
+    found = climb._climb_once(here, gradient, information, climb.free, newton.DAMPING_LEAST, SMALLEST_GAIN, eager=False)
+    assert found is not None
+    assert 0.25 < found[0].values[0] <= 0.3
+    falling = np.array([value - 0.25 for value in tried if value > 0.3])
+    # So little damping at first has to be raised a hundred thousandfold before it is felt. From 0.74 to 0.05 it takes
+    # no more than log(0.74 / 0.05) / log(1 / 0.7) steps.
+    assert (falling[1:] <= newton.SHORTENED * falling[:-1]).all()
+    assert 2 <= len(falling) <= 8
+
+
 def test_a_climb_goes_on_beyond_an_edge_only_where_it_is_told_to():
     """All steps from 0 fall, the whole one as well, and from where it ends a climb leads higher."""
     one = Normal(
