@@ -65,22 +65,6 @@ class Field:
         return replace(self, deviation=np.where(np.isnan(self.growth), np.nan, deviation))
 
 
-def field(
-    model: CampaignModel,
-    belief: Belief,
-    setup: int,
-    *,
-    grid: tuple[int, int] = GRID,
-    coarse_grid: tuple[int, int] = COARSE_GRID,
-) -> Field:
-    """Return the field of one setup of the cuts, by its place in ``setups``, with what is known of the parameters.
-
-    See docs/physics.md#comparison.
-    """
-    found = sure_field(model, belief, setup, grid)
-    return found.with_deviation(deviation(model, belief, setup, grid, coarse_grid))
-
-
 def sure_field(model: CampaignModel, belief: Belief, setup: int, grid: tuple[int, int] = GRID) -> Field:
     """Return the field of one setup of the cuts as if its parameters were known: all deviations are none.
 
@@ -107,7 +91,7 @@ def deviation(
     grid: tuple[int, int] = GRID,
     coarse_grid: tuple[int, int] = COARSE_GRID,
 ) -> Array:
-    """Return the deviation (speed, depth) of the same field, which may take as long again.
+    """Return the deviation (speed, depth) of the same field, for ``Field.with_deviation``; it may take as long again.
 
     See docs/physics.md#comparison.
     """

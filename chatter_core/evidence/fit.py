@@ -97,17 +97,15 @@ def maximise(
 ) -> Maximum:
     """Return the highest maximum that is reached from the ``most`` highest of the starts.
 
-    A climb ends where its next step promises less than ``smallest_gain`` [nats]; leaps: as ``Climb.from_start`` has it.
+    A climb ends where its next step promises less than ``smallest_gain`` [nats]; leaps: as ``Climb.from_place`` has it.
 
     See docs/physics.md#fit.
     """
     climb = Climb(problem, free)
-    order = range(len(starts))
-    if len(starts) > 1:
-        heights = [climb.posterior(start)[0] for start in starts]
-        # What is no number is no height.
-        order = np.argsort(np.nan_to_num(heights, nan=-np.inf))[::-1][:most].tolist()
-    found = [climb.from_start(starts[index], smallest_gain, leaps=leaps) for index in order]
+    places = [climb.place(start) for start in starts]
+    # What is no number is no height.
+    order = np.argsort([-np.inf if np.isnan(place.height) else place.height for place in places])[::-1][:most]
+    found = [climb.from_place(places[index], smallest_gain, leaps=leaps) for index in order]
     best = max(found, key=lambda maximum: maximum.log_posterior)
     return Maximum(**{**vars(best), "evaluations": climb.evaluations})
 

@@ -68,6 +68,15 @@ class Maximum:
     reason: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Values (parameter,) with their log posterior and evaluation."""
+
+    values: Array
+    height: float
+    evaluation: Evaluation
+
+
 class Climb:
     """A climb of a problem's log posterior; ``free`` (parameter,) says which parameters move."""
 
@@ -86,12 +95,21 @@ class Climb:
         evaluation = self.problem.evaluate(values)
         return evaluation.log_likelihood + log_prior(self.problem.parameters, values), evaluation
 
+    def place(self, values: Array) -> Place:
+        """Return the place at values (parameter,), or at what bounds leave of them."""
+        within = np.clip(values, self.lower, self.upper)
+        height, evaluation = self.posterior(within)
+        return Place(values=within, height=height, evaluation=evaluation)
+
     def from_start(self, start: Array, smallest_gain: float = SMALLEST_GAIN, *, leaps: bool = True) -> Maximum:
-        """Climb from values (parameter,) until a step promises less than ``smallest_gain`` or none succeeds.
+        """Return where ``from_place`` leads from values (parameter,)."""
+        return self.from_place(self.place(start), smallest_gain, leaps=leaps)
+
+    def from_place(self, here: Place, smallest_gain: float = SMALLEST_GAIN, *, leaps: bool = True) -> Maximum:
+        """Climb until a step promises less than ``smallest_gain`` or none succeeds.
 
         leaps: whether it goes on beyond an edge at which it is stuck, once, where a slope leads there.
         """
-        here = self._place(np.clip(start, self.lower, self.upper))
         damping, before, stuck = DAMPING, [here.values], None
         reason, converged = f"no end after {MOST_STEPS} steps", False
         gradient, information = self.slope(here.values, here.evaluation, self.width)
@@ -139,7 +157,7 @@ class Climb:
         Jacobian is corrected by what every step shows, and found anew where steps fall. What then promises to end below
         ``least`` is given up.
         """
-        here, damping, falls = self._place(np.clip(start, self.lower, self.upper)), DAMPING, 0
+        here, damping, falls = self.place(start), DAMPING, 0
         jacobian = self._jacobian(here, known, added)
         length, blind, anew = 1.0, False, False
         for _ in range(MOST_STEPS):
@@ -192,20 +210,20 @@ class Climb:
 
     def stay(self, values: Array, known: Array, added: NDArray[np.bool_]) -> Maximum:
         """Return values (parameter,) as where a climb ended; known and added: as for ``approach``."""
-        here = self._place(values)
+        here = self.place(values)
         return self._near(here, self._jacobian(here, known, added))
 
-    def _jacobian(self, here: "_Place", known: Array | None, added: NDArray[np.bool_] | None) -> Array:
+    def _jacobian(self, here: Place, known: Array | None, added: NDArray[np.bool_] | None) -> Array:
         """Return a Jacobian (coordinate, parameter) of which some columns are found and others may be known."""
         found = self.derivatives(here.values, here.evaluation, self.width, added)[0]
         return found if known is None else found + known
 
-    def _near(self, here: "_Place", jacobian: Array) -> Maximum:
+    def _near(self, here: Place, jacobian: Array) -> Maximum:
         gradient, information = self.expected(here.values, here.evaluation, jacobian)
         gain = self._promise(here.values, gradient, information)
         return self._end(here, gradient, information, False, f"not climbed: the next step promises {gain:.2g} nats")
 
-    def _end(self, here: "_Place", gradient: Array, information: Array, converged: bool, reason: str) -> Maximum:
+    def _end(self, here: Place, gradient: Array, information: Array, converged: bool, reason: str) -> Maximum:
         return Maximum(
             values=here.values,
             evaluation=here.evaluation,
@@ -269,23 +287,18 @@ class Climb:
         at_lower, at_upper = (values <= self.lower) & (gradient < 0.0), (values >= self.upper) & (gradient > 0.0)
         return np.asarray(at_lower | at_upper)
 
-    def _place(self, values: Array) -> "_Place":
-        height, evaluation = self.posterior(values)
-        return _Place(values=values, height=height, evaluation=evaluation)
-
     def _room(self, direction: Array) -> float:
         """Return how many times a direction may be gone at once."""
         longest = float(np.abs(direction / self.width).max())
         return LONGEST_STEP / longest if longest else 0.0
 
-    def _aside(self, here: "_Place", direction: Array, length: float) -> "_Place":
+    def _aside(self, here: Place, direction: Array, length: float) -> Place:
         """Return the place at so many times a direction (parameter,), as far as there is room and bounds allow."""
-        values = here.values + min(length, self._room(direction)) * direction
-        return self._place(np.clip(values, self.lower, self.upper))
+        return self.place(here.values + min(length, self._room(direction)) * direction)
 
     def _climb_once(
         self,
-        here: "_Place",
+        here: Place,
         gradient: Array,
         information: Array,
         moving: NDArray[np.bool_],
@@ -293,7 +306,7 @@ class Climb:
         smallest_gain: float,
         *,
         eager: bool,
-    ) -> "tuple[_Place, float] | None":
+    ) -> tuple[Place, float] | None:
         """Return the next place and its damping; None where every step falls that promises ``smallest_gain``.
 
         eager: the first step is lengthened when it falls, too.
@@ -314,8 +327,8 @@ class Climb:
         return None
 
     def _rise(
-        self, here: "_Place", direction: Array, *, enough: float = -np.inf, eager: bool = False
-    ) -> "_Place | None":
+        self, here: Place, direction: Array, *, enough: float = -np.inf, eager: bool = False
+    ) -> Place | None:
         """Return the highest place along a direction (parameter,), at lengths that double while they rise.
 
         ``enough``: a rise [nats] at the first length that is no more needs no second one; ``eager`` tries all
@@ -333,15 +346,6 @@ class Climb:
             elif best is not None or not eager:
                 break
         return best
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Place:
-    """Values (parameter,) with their log posterior and evaluation."""
-
-    values: Array
-    height: float
-    evaluation: Evaluation
 
 
 def _correct(jacobian: Array, difference: Array, shift: Array) -> NDArray[np.bool_]:

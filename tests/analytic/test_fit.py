@@ -215,7 +215,7 @@ def test_a_step_that_falls_is_followed_by_one_that_is_truly_shorter():
         return np.array([10.0 * (1.0 - values[0]), 100.0 * (values[0] > 0.3)])
 
     climb = Climb(Normal((parameter(),), residuals), np.ones(1, dtype=bool))
-    here = climb._place(np.array([0.25]))
+    here = climb.place(np.array([0.25]))
     gradient, information = climb.slope(here.values, here.evaluation, climb.width)
     tried.clear()
     found = climb._climb_once(here, gradient, information, climb.free, newton.DAMPING_LEAST, SMALLEST_GAIN, eager=False)

@@ -9,7 +9,7 @@ import pytest
 
 from chatter_core.evidence import base_model, boundary
 from chatter_core.evidence.belief import PRIORS
-from chatter_core.evidence.boundary import _Cells, _sureness, field
+from chatter_core.evidence.boundary import _Cells, _sureness, deviation, sure_field
 from tests.synthetic import RPM, campaign, tip_machine, trials
 
 #: A fast motion whose growth moves by 0.1 with a deviation of the only parameter, and a slow one that moves by 0.001.
@@ -40,9 +40,10 @@ def test_bands_are_those_of_deviations_asked_everywhere(monkeypatch, widths: flo
     before = PRIORS.about(model)
     known = replace(before, deviation=widths * before.deviation)
     grids = {"grid": (120, 48), "coarse_grid": (60, 24)}
-    found = field(model, known, 0, **grids)
+    sure = sure_field(model, known, 0, grids["grid"])
+    found = sure.with_deviation(deviation(model, known, 0, **grids))
     monkeypatch.setattr(boundary, "ENOUGH", np.inf)
-    everywhere = field(model, known, 0, **grids)
+    everywhere = sure.with_deviation(deviation(model, known, 0, **grids))
     inside = np.abs(everywhere.growth) < 2.0 * everywhere.deviation
     assert inside.sum() > 50
     np.testing.assert_allclose(found.deviation[inside], everywhere.deviation[inside], rtol=1e-9)

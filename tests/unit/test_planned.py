@@ -7,7 +7,7 @@ import pytest
 
 from chatter_core.evidence import base_model
 from chatter_core.evidence.belief import PRIORS, Belief
-from chatter_core.evidence.boundary import field, setups
+from chatter_core.evidence.boundary import deviation, setups, sure_field
 from chatter_core.evidence.measured import DIRECTIONS, Limits
 from chatter_core.evidence.nuisances import TYPICAL_OUTCOME_WIDTH
 from chatter_core.evidence.planned import planned_campaign, predict_planned
@@ -102,8 +102,7 @@ def test_a_field_holds_the_cuts_of_its_own_setup():
     cuts = replace(plan(), direction=up)
     model = base_model(campaign(tip_machine(), trials=cuts, limits=limits))
     # Every trial was up-milling; limit depths are the machine's own, which mills down.
-    grid = {"grid": (6, 4), "coarse_grid": (4, 3)}
-    first, second = (field(model, PRIORS.about(model).sure(), setup, **grid) for setup in range(2))
+    first, second = (sure_field(model, PRIORS.about(model), setup, (6, 4)) for setup in range(2))
     assert (first.machine.process.direction, len(first.trials), len(first.limits)) == ("up", 15, 0)
     assert (second.machine.process.direction, len(second.trials), second.limits.tolist()) == ("down", 0, [0, 1])
 
@@ -112,13 +111,13 @@ def test_the_band_of_the_boundary_is_as_wide_as_drawn_parameters_make_it():
     model = base_model(campaign(tip_machine(), trials=plan()))
     belief = narrow(model)
     assert len(setups(model)) == 1
-    grid = {"grid": (24, 12), "coarse_grid": (24, 12)}
-    found = field(model, belief, 0, **grid)
+    grid = (24, 12)
+    found = sure_field(model, belief, 0, grid).with_deviation(deviation(model, belief, 0, grid, grid))
     rng = np.random.default_rng(12)
     spread = np.linalg.cholesky(belief.correlation)
     values = belief.estimate + belief.deviation * (rng.standard_normal((DRAWS, len(belief.estimate))) @ spread.T)
     sure = [replace(belief, estimate=one, deviation=np.zeros(len(one))) for one in values]
-    drawn = np.array([field(model, one, 0, **grid).growth for one in sure])
+    drawn = np.array([sure_field(model, one, 0, grid).growth for one in sure])
     near = np.abs(found.growth) < 0.2
     assert near.sum() > 30
     ratio = found.deviation[near] / drawn.std(axis=0)[near]
