@@ -326,9 +326,7 @@ class Climb:
                 damping, up = damping * up, 2.0 * up
         return None
 
-    def _rise(
-        self, here: Place, direction: Array, *, enough: float = -np.inf, eager: bool = False
-    ) -> Place | None:
+    def _rise(self, here: Place, direction: Array, *, enough: float = -np.inf, eager: bool = False) -> Place | None:
         """Return the highest place along a direction (parameter,), at lengths that double while they rise.
 
         ``enough``: a rise [nats] at the first length that is no more needs no second one; ``eager`` tries all
