@@ -67,14 +67,16 @@ def intervals_of(workers: Workers | None, found: Diagnosis) -> dict[str, Limits]
 def side_by_side(
     workers: Workers | None, before: tuple[Hypothesis, Version], after: tuple[Hypothesis, Version]
 ) -> Assessment:
-    """Return two hypotheses that were judged side by side, with their lobes."""
-    parts = {"before": before, "after": after}
-    jobs = {name: lobe_jobs(one.comparison.model, told.belief, f"lobes {name}") for name, (one, told) in parts.items()}
+    """Return two hypotheses that were judged side by side, with their lobes, and how sure those of the second are."""
+    (first, told_before), (best, told) = before, after
+    jobs = {
+        "before": lobe_jobs(first.comparison.model, told_before.belief.sure(), "lobes before"),
+        "after": lobe_jobs(best.comparison.model, told.belief, "lobes after"),
+    }
     drawn = {name: lobes(answers) for name, answers in spread_parts(workers, jobs).items()}
-    best, told = after
     return Assessment(
         comparison=best.comparison,
-        described=replace(before[1], fields=drawn["before"]),
+        described=replace(told_before, fields=drawn["before"]),
         refitted=replace(told, fields=drawn["after"]),
         held_out=None,
         held_out_scores={},

@@ -28,8 +28,6 @@ MARKS = {"stable": "o", "marginal": "d", "chatter": "X"}
 FOLDER, NAMES = "figures", ("lobes", "receptances", "residuals", "pulls")
 #: Decades of a receptance below its largest that are shown.
 DECADES = 2.5
-#: Entries of the legend that belong to lobes alone.
-_BOUNDARIES = ("boundary above", "boundary below", f"{100 * COVERAGE:.0f} % band")
 #: Panels in a row.
 COLUMNS = 2
 UNIT = "\N{MICRO SIGN}m/N"
@@ -73,7 +71,9 @@ def lobes(found: Assessment) -> Figure:
         above.set_title(found.described.title, loc="left", fontweight="bold")
         below.set_title(found.refitted.title, loc="left", fontweight="bold")
         below.set_xlabel("spindle speed [rpm]")
-    figure.legend(handles=_key(found), loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(
+        handles=[*_boundary_key(found), *_trial_key(found)], loc="outside lower center", ncols=3, frameon=False
+    )
     return figure
 
 
@@ -142,24 +142,22 @@ def setup_text(machine: Machine) -> str:
     return f"{process.direction} milling, a/D {process.radial_immersion:g}, {feed:g} mm a tooth{preload}"
 
 
-def _key(found: Assessment) -> list[Line2D | Patch]:
-    """Return the entries of the legend."""
-    entries: list[Line2D | Patch] = [
-        Line2D([], [], color=DESCRIBED, label=_BOUNDARIES[0]),
-        Line2D([], [], color=CALIBRATED, label=_BOUNDARIES[1]),
-        Patch(color=CALIBRATED, alpha=0.18, label=_BOUNDARIES[2]),
+def _boundary_key(found: Assessment) -> list[Line2D | Patch]:
+    """Return the entries of the legend for boundaries."""
+    lines = [Line2D([], [], color=colour, label=f"boundary, {name}") for _, colour, _, name in _versions(found)]
+    return [*lines, Patch(color=CALIBRATED, alpha=0.18, label=f"{100 * COVERAGE:.0f} % band of it")]
+
+
+def _trial_key(found: Assessment) -> list[Line2D | Patch]:
+    """Return the entries of the legend for cuts; none where there are none."""
+    if found.comparison.model.campaign.trials is None:
+        return []
+    marks = [
+        Line2D([], [], linestyle="", marker=mark, color="black", label=name, markerfacecolor="none")
+        for name, mark in MARKS.items()
     ]
-    if found.comparison.model.campaign.trials is not None:
-        entries += [
-            Line2D([], [], linestyle="", marker=mark, color="black", label=name, markerfacecolor="none")
-            for name, mark in MARKS.items()
-        ]
-        entries += [
-            Patch(color=RIGHT, label="told right"),
-            Patch(color=WRONG, label="told wrongly"),
-            Patch(color=NEITHER, label="neither"),
-        ]
-    return entries
+    colours = {"told right": RIGHT, "told wrongly": WRONG, "neither": NEITHER}
+    return [*marks, *(Patch(color=colour, label=name) for name, colour in colours.items())]
 
 
 def receptances(found: Assessment) -> Figure:
@@ -244,8 +242,7 @@ def residuals(found: Assessment) -> Figure:
             axes.set_xlabel(label)
             axes.grid(alpha=0.3)
     panels[0, 0].set_ylabel("ln(depth / limit depth)\nas predicted; above 0: chatter")
-    handles = [entry for entry in _key(found) if entry.get_label() not in _BOUNDARIES]
-    figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False)
+    figure.legend(handles=_trial_key(found), loc="outside lower center", ncols=6, frameon=False)
     return figure
 
 

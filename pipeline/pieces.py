@@ -1,8 +1,10 @@
 """Pieces of work that the verbs of a campaign share: cuts held out, and the lobes that are drawn."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
+
+import numpy as np
 
 from chatter_core.evidence import CampaignModel, Comparison
 from chatter_core.evidence.assessment import Ended, Limits, interval, interval_end
@@ -16,6 +18,8 @@ from pipeline.jobs import Job
 
 #: Setups of the cuts of which lobes are drawn, those with most cuts.
 DRAWN_SETUPS = 4
+#: How sure lobes are is computed in so many shares of their speeds.
+SHARES = 2
 
 
 def held_out_jobs(comparison: Comparison, calibrated: Array, before: Array, *, anew: bool = True) -> list[Job]:
@@ -33,18 +37,21 @@ def held_out_jobs(comparison: Comparison, calibrated: Array, before: Array, *, a
 
 
 def lobe_jobs(model: CampaignModel, belief: Belief, name: str) -> list[Job]:
-    """Return two jobs for the lobes of each setup that is drawn, with what is known of the parameters."""
-    kinds = range(min(len(setups(model)), DRAWN_SETUPS))
+    """Return the jobs for the lobes of each setup that is drawn, with what is known of the parameters."""
+    calls: dict[str, Callable[..., Any]] = {name: sure_field}
+    for part in range(SHARES):
+        calls[f"{name}, how sure, part {part + 1}"] = partial(deviation, share=(part, SHARES))
     return [
-        Job(name=f"{name}{of_what}", call=partial(call, model, belief, kind))
-        for kind in kinds
-        for call, of_what in ((sure_field, ""), (deviation, ", how sure"))
+        Job(name=of_what, call=partial(call, model, belief, setup))
+        for setup in range(min(len(setups(model)), DRAWN_SETUPS))
+        for of_what, call in calls.items()
     ]
 
 
 def lobes(answers: Sequence[Any]) -> list[Field]:
     """Return the lobes that the answers of ``lobe_jobs`` make."""
-    return [sure.with_deviation(known) for sure, known in zip(answers[::2], answers[1::2], strict=True)]
+    setups_apart = (answers[first : first + 1 + SHARES] for first in range(0, len(answers), 1 + SHARES))
+    return [sure.with_deviation(np.concatenate(parts)) for sure, *parts in setups_apart]
 
 
 def interval_jobs(comparison: Comparison, fit: Fit, names: Sequence[str]) -> list[Job]:

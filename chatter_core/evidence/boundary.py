@@ -90,18 +90,24 @@ def deviation(
     setup: int,
     grid: tuple[int, int] = GRID,
     coarse_grid: tuple[int, int] = COARSE_GRID,
+    share: tuple[int, int] = (0, 1),
 ) -> Array:
-    """Return the deviation (speed, depth) of the same field, for ``Field.with_deviation``; it may take as long again.
+    """Return the deviation (speed, depth) of the same field, for ``Field.with_deviation``.
+
+    It takes several times as long as the field. share: of the speeds, their first half by (0, 2), the other by (1, 2).
 
     See docs/physics.md#comparison.
     """
     machine, points = setups(model)[setup]
-    place = np.stack(np.meshgrid(*_axes(model, points, grid), indexing="ij"), axis=-1)
-    coarse_axes = _axes(model, points, coarse_grid)
-    coarse = _deviation(model, machine, belief.about(model), *coarse_axes)
-    found = RegularGridInterpolator(coarse_axes, coarse, bounds_error=False, fill_value=None)(place)
+    speed, depth = _axes(model, points, grid)
+    own = np.array_split(speed, share[1])[share[0]]
+    coarse_speed, coarse_depth = _axes(model, points, coarse_grid)
+    around = slice(np.searchsorted(coarse_speed, own[0], side="right") - 1, np.searchsorted(coarse_speed, own[-1]) + 1)
+    coarse = _deviation(model, machine, belief.about(model), coarse_speed[around], coarse_depth)
+    place = np.stack(np.meshgrid(own, depth, indexing="ij"), axis=-1)
+    known = RegularGridInterpolator((coarse_speed[around], coarse_depth), coarse, bounds_error=False, fill_value=None)
     # Above the coarse grid's first depth it is told by the slope from there, which may lead below none.
-    return np.asarray(np.maximum(found, 0.0))
+    return np.asarray(np.maximum(known(place), 0.0))
 
 
 def setups(model: CampaignModel) -> list[tuple[Machine, Indices]]:

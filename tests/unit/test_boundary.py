@@ -41,7 +41,8 @@ def test_bands_are_those_of_deviations_asked_everywhere(monkeypatch, widths: flo
     known = replace(before, deviation=widths * before.deviation)
     grids = {"grid": (120, 48), "coarse_grid": (60, 24)}
     sure = sure_field(model, known, 0, grids["grid"])
-    found = sure.with_deviation(deviation(model, known, 0, **grids))
+    shares = [deviation(model, known, 0, **grids, share=(part, 3)) for part in range(3)]
+    found = sure.with_deviation(np.concatenate(shares))
     monkeypatch.setattr(boundary, "ENOUGH", np.inf)
     everywhere = sure.with_deviation(deviation(model, known, 0, **grids))
     inside = np.abs(everywhere.growth) < 2.0 * everywhere.deviation
