@@ -71,7 +71,8 @@ def write_whole(write: Callable[[Path], list[Path]], output: Path) -> list[Path]
     """
     # What a run that was killed had begun; nobody else writes here now.
     for left in output.glob(f"{BESIDE}*"):
-        shutil.rmtree(left)
+        if left.is_dir() and not left.is_symlink():
+            shutil.rmtree(left)
     with TemporaryDirectory(prefix=BESIDE, dir=output) as folder:
         beside = Path(folder)
         names = [path.relative_to(beside) for path in write(beside)]

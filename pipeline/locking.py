@@ -18,6 +18,9 @@ from pipeline.json_text import parsed
 #: What a file system answers that keeps no locks, or whose server keeps none.
 NO_LOCKS = {errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK}
 
+#: Who holds a folder, beside the lock itself, and what it says of them.
+HOLDER, HELD_BY = "lock.json", ("pid", "host", "since")
+
 
 def make_folder(output: Path, named: str = "output") -> None:
     """Make a folder for results; raise InvalidInput when it cannot be one. named: by which word people named it."""
@@ -31,8 +34,11 @@ def make_folder(output: Path, named: str = "output") -> None:
 
 @contextmanager
 def locked(output: Path) -> Iterator[None]:
-    """Hold the folder for this run; the lock frees itself when the process dies, however it dies."""
-    holder = output / "lock.json"
+    """Hold the folder for this run; the lock frees itself when the process dies, however it dies.
+
+    Raises InvalidInput when it cannot be held, StoreInUse when another run holds it.
+    """
+    holder = output / HOLDER
     # Without locks of the file system the library would take the mere file for one; whoever is killed leaves that.
     lock = FileLock(output / ".lock", timeout=0, fallback_to_soft=False)
     try:
@@ -40,7 +46,7 @@ def locked(output: Path) -> Iterator[None]:
     except Timeout:
         try:
             said = parsed(holder.read_text())
-            who = f"process {said['pid']} on {said['host']} since {said['since']}"
+            who = "process {pid} on {host} since {since}".format(**{key: said[key] for key in HELD_BY})
         except (OSError, ValueError, KeyError, TypeError):
             who = "another process"
         raise StoreInUse(f"{output}: in use by {who}; wait for it, or choose another folder with output=DIR") from None
@@ -50,18 +56,35 @@ def locked(output: Path) -> Iterator[None]:
             raise InvalidInput([f"output: {output} cannot be used: {why}; choose a folder elsewhere"]) from None
         raise InvalidInput([f"output: {output} cannot be written: {error.strerror}"]) from None
     try:
-        since = datetime.now(UTC).isoformat(timespec="seconds")
-        holder.write_text(json.dumps({"pid": os.getpid(), "host": socket.gethostname(), "since": since}))
-        yield
+        _refuse_foreign(holder)
+        try:
+            since = datetime.now(UTC).isoformat(timespec="seconds")
+            holder.write_text(json.dumps({"pid": os.getpid(), "host": socket.gethostname(), "since": since}))
+            yield
+        finally:
+            holder.unlink(missing_ok=True)
     finally:
-        holder.unlink(missing_ok=True)
         lock.release()
+
+
+def _refuse_foreign(holder: Path) -> None:
+    """Raise InvalidInput where a file has the holder's name that no run has left: it would be written over."""
+    try:
+        said = holder.read_text()
+        # A run that was killed while it wrote may have left nothing.
+        own = not said or {*HELD_BY} == {*parsed(said)}
+    except FileNotFoundError:
+        return
+    except (OSError, ValueError, TypeError):
+        own = False
+    if not own:
+        raise InvalidInput([f"output: {holder.parent} holds a {HOLDER} that no run has written; name another folder"])
 
 
 def remove_empty(output: Path) -> None:
     """Remove the folder that was made for a run which then was refused or stopped."""
     with suppress(OSError):
-        for name in (".lock", "lock.json"):
+        for name in (".lock", HOLDER):
             (output / name).unlink(missing_ok=True)
         output.rmdir()
 

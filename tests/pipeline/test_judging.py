@@ -55,14 +55,14 @@ def files_in(folder):
 def test_an_answer_takes_the_place_of_an_earlier_one_and_of_nothing_else(tmp_path, capsys, quick, verb):
     output = tmp_path / "out"
     (output / "figures").mkdir(parents=True)
-    for name in ("report.html", OTHERS[verb], MARKS[verb], "notes.txt"):
+    for name in ("report.html", OTHERS[verb], MARKS[verb], "notes.txt", ".writing-notes"):
         (output / name).write_text("earlier")
     # What a run has left that was killed while it wrote.
     (output / ".writing-abc" / "figures").mkdir(parents=True)
     # Of a mode that the machine has not there is no answer, and the exit code says so.
     assert main([verb, f"campaign={quick}", f"output={output}", SERIAL]) == 1
     assert "no answer for 1 data" in capsys.readouterr().err
-    assert files_in(output) - {".lock"} == FILES[verb] | {"notes.txt"}
+    assert files_in(output) - {".lock"} == FILES[verb] | {"notes.txt", ".writing-notes"}
     assert (output / "notes.txt").read_text() == "earlier"
     assert (output / "report.html").read_text() != "earlier"
     assert yaml.safe_load((output / "model.yaml").read_text())["effects"] == {}

@@ -9,7 +9,7 @@ import pytest
 
 from chatter_core.errors import InvalidInput
 from pipeline.errors import StoreInUse
-from pipeline.locking import locked
+from pipeline.locking import HOLDER, locked
 
 
 @pytest.mark.parametrize("answer", [errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK])
@@ -28,3 +28,19 @@ def test_a_file_system_that_keeps_no_locks_is_refused(
 def test_a_folder_is_held_once(tmp_path: Path) -> None:
     with locked(tmp_path), pytest.raises(StoreInUse, match=f"in use by process {os.getpid()} on"), locked(tmp_path):
         pass
+
+
+@pytest.mark.parametrize("text", ["mine", "{}", "[1]", '{"pid": 1, "host": "a", "since": "b", "more": 1}'])
+def test_a_file_that_is_called_like_that_of_the_holder_is_kept(tmp_path: Path, text: str) -> None:
+    (tmp_path / HOLDER).write_text(text)
+    with pytest.raises(InvalidInput, match=r"holds a lock\.json that no run has written"), locked(tmp_path):
+        pass
+    assert (tmp_path / HOLDER).read_text() == text
+
+
+@pytest.mark.parametrize("text", ["", '{"pid": 1, "host": "a", "since": "b"}'])
+def test_what_a_killed_run_has_left_is_no_hindrance(tmp_path: Path, text: str) -> None:
+    (tmp_path / HOLDER).write_text(text)
+    with locked(tmp_path):
+        assert f'"pid": {os.getpid()}' in (tmp_path / HOLDER).read_text()
+    assert not (tmp_path / HOLDER).exists()
