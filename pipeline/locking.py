@@ -70,15 +70,16 @@ def locked(output: Path) -> Iterator[None]:
 def _refuse_foreign(holder: Path) -> None:
     """Raise InvalidInput where a file has the holder's name that no run has left: it would be written over."""
     try:
-        said = holder.read_text()
-        # A run that was killed while it wrote may have left nothing.
-        own = not said or {*HELD_BY} == {*parsed(said)}
+        said = holder.read_text().strip("\0 \n")
+        # A run that was killed while it wrote may have left nothing; one in an object store says more of itself.
+        own = not said or {*HELD_BY} <= parsed(said).keys()
     except FileNotFoundError:
         return
-    except (OSError, ValueError, TypeError):
+    except (IsADirectoryError, ValueError, AttributeError):
         own = False
     if not own:
-        raise InvalidInput([f"output: {holder.parent} holds a {HOLDER} that no run has written; name another folder"])
+        why = f"holds a {HOLDER} that no run has written; move it away, or name another folder"
+        raise InvalidInput([f"output: {holder.parent} {why}"])
 
 
 def remove_empty(output: Path) -> None:

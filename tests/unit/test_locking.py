@@ -30,15 +30,23 @@ def test_a_folder_is_held_once(tmp_path: Path) -> None:
         pass
 
 
-@pytest.mark.parametrize("text", ["mine", "{}", "[1]", '{"pid": 1, "host": "a", "since": "b", "more": 1}'])
+@pytest.mark.parametrize("text", ["mine", "{}", '["pid", "host", "since"]', '{"pid": 1, "host": "a"}'])
 def test_a_file_that_is_called_like_that_of_the_holder_is_kept(tmp_path: Path, text: str) -> None:
     (tmp_path / HOLDER).write_text(text)
     with pytest.raises(InvalidInput, match=r"holds a lock\.json that no run has written"), locked(tmp_path):
         pass
     assert (tmp_path / HOLDER).read_text() == text
+    (tmp_path / HOLDER).rename(tmp_path / "mine.json")
+    with locked(tmp_path):
+        pass
 
 
-@pytest.mark.parametrize("text", ["", '{"pid": 1, "host": "a", "since": "b"}'])
+#: Of runs that were killed: while they wrote, when power went, in a folder, and in an object store that was copied.
+HELD = '{"pid": 1, "host": "a", "since": "b"}'
+LEFT = ["", "\0\0\0", HELD, HELD.replace("}", ', "released": true}')]
+
+
+@pytest.mark.parametrize("text", LEFT)
 def test_what_a_killed_run_has_left_is_no_hindrance(tmp_path: Path, text: str) -> None:
     (tmp_path / HOLDER).write_text(text)
     with locked(tmp_path):
