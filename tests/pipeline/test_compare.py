@@ -268,7 +268,7 @@ def test_a_stopped_comparison_ends_in_order_and_leaves_nothing(tmp_path, number,
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
     assert process.returncode == 128 + number, told
-    assert first.startswith("1 of "), first
+    assert "1 of 5" in first
     assert "Traceback" not in told
     assert not output.exists()
     assert not list(scratch.iterdir())
