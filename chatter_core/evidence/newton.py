@@ -30,8 +30,8 @@ JUMP, SHORTER_DIFFERENCES = 0.5, 3
 #: Damping at the start, its factors after a failed step (twice that after each further one, as Nielsen has it) and
 #: after a good one, and where a direction is given up.
 DAMPING, DAMPING_UP, DAMPING_DOWN, DAMPING_MOST, DAMPING_LEAST = 1e-3, 4.0, 0.2, 1e6, 1e-6
-#: After a step that falls the next one is no longer than this share of it, but for what bounds cut off.
-SHORTENED = 0.7
+#: After a step that falls the next one differs from it by this share of its length at least.
+OTHERWISE = 0.3
 #: Lengths at which a step is tried, as long as it rises: where data contradict each other the information is
 #: large and steps are short. The first of all is lengthened when it falls too, to leap over an edge, if there is more
 #: to be gained than ROUGHNESS.
@@ -319,10 +319,10 @@ class Climb:
             found = self._rise(here, step * self.width, enough=WORTH_LENGTHENING * promised, eager=eager)
             if found is not None:
                 return found, max(damping * DAMPING_DOWN, DAMPING_LEAST)
-            longest, eager = SHORTENED * min(float(np.abs(step).max()), LONGEST_STEP), False
+            fallen, eager = _cut(step), False
             damping, up = damping * up, 2.0 * up
             # Where little damping makes no difference the next step would fall as this one did.
-            while damping <= DAMPING_MOST and np.abs(_step(gradient, information, moving, damping)[0]).max() > longest:
+            while damping <= DAMPING_MOST and _alike(_step(gradient, information, moving, damping)[0], fallen):
                 damping, up = damping * up, 2.0 * up
         return None
 
@@ -356,6 +356,16 @@ def _correct(jacobian: Array, difference: Array, shift: Array) -> NDArray[np.boo
     jumped = np.abs(missed) > MISSED
     jacobian += np.outer(np.where(jumped, 0.0, missed), shift) / (shift @ shift)
     return np.asarray(jumped)
+
+
+def _cut(step: Array) -> Array:
+    """Return a step (parameter,) in widths of the priors, no longer than one may be."""
+    return step * (LONGEST_STEP / max(float(np.abs(step).max()), LONGEST_STEP))
+
+
+def _alike(step: Array, fallen: Array) -> bool:
+    """Return whether a step (parameter,) leads to where one that fell has led, in widths of the priors."""
+    return bool(np.abs(_cut(step) - fallen).max() < OTHERWISE * np.abs(fallen).max())
 
 
 def _step(gradient: Array, information: Array, moving: NDArray[np.bool_], damping: float) -> tuple[Array, float]:

@@ -207,7 +207,7 @@ def test_a_datum_that_jumps_gives_no_slope_and_does_not_stop_the_fit():
     assert found.standard_deviation[0] == pytest.approx(1.0 / math.sqrt(401.0), rel=1e-3)
 
 
-def test_a_step_that_falls_is_followed_by_one_that_is_truly_shorter():
+def test_a_step_that_falls_is_followed_by_one_that_is_truly_another():
     tried = []
 
     def residuals(values):
@@ -224,8 +224,28 @@ def test_a_step_that_falls_is_followed_by_one_that_is_truly_shorter():
     falling = np.array([value - 0.25 for value in tried if value > 0.3])
     # So little damping at first has to be raised a hundred thousandfold before it is felt. From 0.74 to 0.05 it takes
     # no more than log(0.74 / 0.05) / log(1 / 0.7) steps.
-    assert (falling[1:] <= newton.SHORTENED * falling[:-1]).all()
+    assert (falling[1:] <= (1.0 - newton.OTHERWISE) * falling[:-1]).all()
     assert 2 <= len(falling) <= 8
+
+
+def test_a_step_that_turns_is_another_though_its_largest_part_stays_as_long():
+    """Along (1, 0) and (0, 1) the data say nearly the same; the step to their maximum lowers b, where the edge is."""
+    information = 1000.0 * np.array([[1.0, 0.99], [0.99, 1.0]])
+    root = np.linalg.cholesky(information).T
+    highest = np.array([15.0, -5.0])
+
+    def residuals(values):
+        return np.append(root @ (values - highest), 1e4 * (values[1] < 0.0))
+
+    climb = Climb(Normal((parameter("a"), parameter("b")), residuals), np.ones(2, dtype=bool))
+    here = climb.place(np.zeros(2))
+    found = climb._climb_once(
+        here, *climb.slope(here.values, here.evaluation, climb.width), climb.free, 1e-3, 0.1, eager=False
+    )
+    # Both steps are cut to the longest that may be, by a; only b tells that the one which is taken was not tried.
+    assert found is not None
+    assert found[0].values[0] == newton.LONGEST_STEP
+    assert found[0].values[1] > 0.0
 
 
 def test_a_climb_goes_on_beyond_an_edge_only_where_it_is_told_to():
