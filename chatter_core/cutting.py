@@ -127,9 +127,20 @@ class CuttingGain:
 
     def __call__(self, time: Array) -> Array:
         """Return K at times (point, ...) [N/m]."""
-        gain, own = np.zeros((*time.shape, 2, 2)), self.passages
-        _add_edges(
-            time.reshape(len(time), -1),
+        gain = np.zeros((*time.shape, 2, 2))
+        _add_edges(*self.edges(time), gain.reshape(len(time), -1, 2, 2))
+        return gain
+
+    def edges(self, time: Array) -> tuple[float | Array, ...]:
+        """Return what a compiled loop over edges at times (point, ...) [s] starts with.
+
+        times (point, time), spindle speed, axial depth and lag angle (point,), the angle after which the cut repeats
+        itself; of the passages ahead, lower and upper (passage,), entry and exit (point, passage); tangential and
+        radial coefficient (point,).
+        """
+        count, own = len(time), self.passages
+        return (
+            time.reshape(count, -1),
             self.spindle_speed,
             self.axial_depth,
             self.lag_angle,
@@ -137,13 +148,11 @@ class CuttingGain:
             own.ahead,
             own.lower,
             own.upper,
-            np.broadcast_to(own.entry, (len(time), len(own))),
-            np.broadcast_to(own.exit, (len(time), len(own))),
-            np.full(len(time), self.coefficients.tangential),
-            np.full(len(time), self.coefficients.radial),
-            gain.reshape(len(time), -1, 2, 2),
+            np.broadcast_to(own.entry, (count, len(own))),
+            np.broadcast_to(own.exit, (count, len(own))),
+            np.full(count, self.coefficients.tangential),
+            np.full(count, self.coefficients.radial),
         )
-        return gain
 
 
 @compiled
@@ -159,21 +168,12 @@ def _add_edges(  # type: ignore[no-untyped-def]
             if leave <= entry:
                 continue
             lag, depth = lag_angle[p] * (uppers[q] - lowers[q]), axial_depth[p] * (uppers[q] - lowers[q])
-            ahead, steep = starts[q] - lag_angle[p] * lowers[q], max(lag, SMALLEST_LAG)
-            first = math.floor(entry / turn)
-            # An edge is still in the cut after its tip has left.
-            last = math.ceil((leave + lag) / turn)
+            ahead = starts[q] - lag_angle[p] * lowers[q]
             for t in range(time.shape[1]):
-                turned = spindle_speed[p] * time[p, t] + ahead
-                # A remainder would cost more than all else that is done for an edge out of the cut. Rounding may bring
-                # this to a turn, or below none: edges at either end of their range cut nothing.
-                phase = turned - turn * math.floor(turned / turn)
-                for edge in range(first, last + 1):
+                phase = within_turn(spindle_speed[p] * time[p, t] + ahead, turn)
+                for edge in range(math.floor(entry / turn), last_edge(leave, lag, turn) + 1):
                     angle = phase + turn * edge
-                    # The share of the edge, from its tip, at which it leaves and enters: no difference of nearly
-                    # equal angles is taken, so a straight edge is the limit and no special case.
-                    leaves = min(max((angle - leave) / steep, 0.0), 1.0)
-                    enters = min(max((angle - entry) / steep, 0.0), 1.0)
+                    leaves, enters = engaged_share(angle, entry, leave, lag)
                     if enters <= leaves:
                         continue
                     engaged, span = 0.5 * depth * (enters - leaves), lag * (enters - leaves)
@@ -182,7 +182,48 @@ def _add_edges(  # type: ignore[no-untyped-def]
                     sine_cosine = ripple * math.sin(twice)
                     sine_sine = engaged - ripple * math.cos(twice)
                     cosine_cosine = engaged + ripple * math.cos(twice)
-                    gain[p, t, 0, 0] -= tangential * sine_cosine + radial * sine_sine
-                    gain[p, t, 0, 1] -= tangential * cosine_cosine + radial * sine_cosine
-                    gain[p, t, 1, 0] += tangential * sine_sine - radial * sine_cosine
-                    gain[p, t, 1, 1] += tangential * sine_cosine - radial * cosine_cosine
+                    add_direction(tangential, radial, sine_sine, sine_cosine, cosine_cosine, gain[p, t])
+
+
+@compiled
+def within_turn(angle, turn):  # type: ignore[no-untyped-def]
+    """Return an angle without whole turns, which a remainder would cost more than all else of an edge out of the cut.
+
+    Rounding may bring it to a turn, or below none: edges at either end of their range cut nothing.
+
+    See docs/physics.md#cutting.
+    """
+    return angle - turn * math.floor(angle / turn)
+
+
+@compiled
+def last_edge(leave, lag, turn):  # type: ignore[no-untyped-def]
+    """Return how many turns ahead an edge may be and still cut: its tip has left, its upper end has not.
+
+    See docs/physics.md#cutting.
+    """
+    return math.ceil((leave + lag) / turn)
+
+
+@compiled
+def engaged_share(angle, entry, leave, lag):  # type: ignore[no-untyped-def]
+    """Return the shares of an edge, from its tip at an angle, between which it is in the cut.
+
+    No difference of nearly equal angles is taken, so a straight edge is the limit and no special case.
+
+    See docs/physics.md#cutting.
+    """
+    steep = max(lag, SMALLEST_LAG)
+    return min(max((angle - leave) / steep, 0.0), 1.0), min(max((angle - entry) / steep, 0.0), 1.0)
+
+
+@compiled
+def add_direction(tangential, radial, sine_sine, sine_cosine, cosine_cosine, gain):  # type: ignore[no-untyped-def]
+    """Add the directional matrix of an edge to K (2, 2), from its depth times the mean products of its angle's.
+
+    See docs/physics.md#cutting.
+    """
+    gain[0, 0] -= tangential * sine_cosine + radial * sine_sine
+    gain[0, 1] -= tangential * cosine_cosine + radial * sine_cosine
+    gain[1, 0] += tangential * sine_sine - radial * sine_cosine
+    gain[1, 1] += tangential * sine_cosine - radial * cosine_cosine

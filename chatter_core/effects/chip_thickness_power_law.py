@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from chatter_core.cutting import SMALLEST_LAG, CuttingGain
+from chatter_core.cutting import CuttingGain, add_direction, engaged_share, last_edge, within_turn
 from chatter_core.effects._base import Effect
+from chatter_core.jit import compiled
 from chatter_core.machine import Machine
 from chatter_core.parameters import Array, Parameter
 from chatter_core.stages import Regeneration
@@ -34,49 +34,49 @@ class PowerLawGain:
 
     def __call__(self, time: Array) -> Array:
         """Return K at times (point, ...) [N/m]."""
-        flat, own, cut = time.reshape(len(time), -1), self.cut.passages, self.cut
-        gain, turn = np.zeros((*flat.shape, 2, 2)), 2.0 * math.pi / own.teeth * own.repeat
-        entries, exits = (np.broadcast_to(border, (len(flat), len(own))) for border in (own.entry, own.exit))
-        for passage in range(len(own)):
-            entry, leave = entries[:, passage, None], exits[:, passage, None]
-            lag, ahead = self._lag(passage)[:, None], own.ahead[passage] - cut.lag_angle[:, None] * own.lower[passage]
-            steep = np.maximum(lag, SMALLEST_LAG)
-            phase = np.mod(cut.spindle_speed[:, None] * flat + ahead, turn)
-            last = math.ceil(float((leave + lag).max()) / turn)
-            for edge in range(math.floor(float(entry.min()) / turn), last + 1):
-                angle = phase + turn * edge
-                leaves, enters = (np.clip((angle - border) / steep, 0.0, 1.0) for border in (leave, entry))
-                engaged = np.nonzero(enters > leaves)
-                if len(engaged[0]):
-                    gain[engaged] += self._of_edges(
-                        passage, engaged[0], *(one[engaged] for one in (angle, leaves, enters))
-                    )
-        return gain.reshape(*time.shape, 2, 2)
-
-    def _lag(self, passage: int) -> Array:
-        """Return the angle by which the part of the edge lags over its own height (point,) [rad]."""
-        return np.asarray(self.cut.lag_angle * self._part(passage))
-
-    def _part(self, passage: int) -> float:
-        return float(self.cut.passages.upper[passage] - self.cut.passages.lower[passage])
-
-    def _of_edges(self, passage: int, point: NDArray[np.intp], angle: Array, leaves: Array, enters: Array) -> Array:
-        """Return the integrals (edge, 2, 2) over edges (edge,) of points, each between two shares of its height."""
-        share = leaves[:, None] + (enters - leaves)[:, None] * 0.5 * (NODES + 1.0)
-        theta = angle[:, None] - self._lag(passage)[point, None] * share
-        chip = self.cut.passages.select(np.array([passage])).chip_thickness(theta, self.feed_per_tooth)
-        thickness = np.hypot(np.maximum(chip, 0.0), LEAST_CHIP) / REFERENCE_CHIP
-        part = 0.5 * WEIGHTS * self.exponent * thickness ** (self.exponent - 1.0)
-        part *= (self.cut.axial_depth[point] * self._part(passage) * (enters - leaves))[:, None]
-        tangential, radial = (
-            np.broadcast_to(one, len(self.cut.axial_depth))[point]
-            for one in (self.cut.coefficients.tangential, self.cut.coefficients.radial)
+        gain, own = np.zeros((*time.shape, 2, 2)), self.cut.passages
+        _add_slopes(
+            *self.cut.edges(time),
+            self.feed_per_tooth * own.pitches,
+            own.longer,
+            self.exponent,
+            gain.reshape(len(time), -1, 2, 2),
         )
-        sine, cosine = np.sin(theta), np.cos(theta)
-        ss, sc, cc = ((part * product).sum(axis=-1) for product in (sine * sine, sine * cosine, cosine * cosine))
-        rows = [[-tangential * sc - radial * ss, -tangential * cc - radial * sc]]
-        rows += [[tangential * ss - radial * sc, tangential * sc - radial * cc]]
-        return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+        return gain
+
+
+@compiled
+def _add_slopes(  # type: ignore[no-untyped-def]
+    time, spindle_speed, axial_depth, lag_angle, turn, starts, lowers, uppers, entries, exits, tangential_coefficient,
+    radial_coefficient, feed, longer, exponent, gain,
+):  # fmt: skip
+    """Add up the directional matrices of all edges in the cut, part by part with the slope of the power law there."""
+    for p in range(len(time)):
+        for q in range(len(starts)):
+            entry, leave, part = entries[p, q], exits[p, q], uppers[q] - lowers[q]
+            if leave <= entry:
+                continue
+            lag, ahead = lag_angle[p] * part, starts[q] - lag_angle[p] * lowers[q]
+            for t in range(time.shape[1]):
+                phase = within_turn(spindle_speed[p] * time[p, t] + ahead, turn)
+                for edge in range(math.floor(entry / turn), last_edge(leave, lag, turn) + 1):
+                    angle = phase + turn * edge
+                    leaves, enters = engaged_share(angle, entry, leave, lag)
+                    if enters <= leaves:
+                        continue
+                    sine_sine, sine_cosine, cosine_cosine = 0.0, 0.0, 0.0
+                    for node in range(len(NODES)):
+                        theta = angle - lag * (leaves + (enters - leaves) * 0.5 * (NODES[node] + 1.0))
+                        sine, cosine = math.sin(theta), math.cos(theta)
+                        chip = max(feed[q] * sine + longer[q], 0.0)
+                        thickness = math.sqrt(chip**2 + LEAST_CHIP**2) / REFERENCE_CHIP
+                        slope = 0.5 * WEIGHTS[node] * exponent * thickness ** (exponent - 1.0)
+                        sine_sine += slope * sine**2
+                        sine_cosine += slope * sine * cosine
+                        cosine_cosine += slope * cosine**2
+                    depth = axial_depth[p] * part * (enters - leaves)
+                    tangential, radial = depth * tangential_coefficient[p], depth * radial_coefficient[p]
+                    add_direction(tangential, radial, sine_sine, sine_cosine, cosine_cosine, gain[p, t])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -204,9 +204,8 @@ class Climb:
         return self._promise(found.values, found.gradient, found.information)
 
     def _promise(self, values: Array, gradient: Array, information: Array) -> float:
-        step, _ = _step(gradient, information, self.free & ~self._held(values, gradient), 0.0)
-        share = min(1.0, self._room(step * self.width))
-        return float(share * gradient @ step - 0.5 * share**2 * step @ information @ step)
+        step = self._cut(_step(gradient, information, self.free & ~self._held(values, gradient), 0.0)[0])
+        return float(gradient @ step - 0.5 * step @ information @ step)
 
     def stay(self, values: Array, known: Array, added: NDArray[np.bool_]) -> Maximum:
         """Return values (parameter,) as where a climb ended; known and added: as for ``approach``."""
@@ -292,6 +291,10 @@ class Climb:
         longest = float(np.abs(direction / self.width).max())
         return LONGEST_STEP / longest if longest else 0.0
 
+    def _cut(self, step: Array) -> Array:
+        """Return a step (parameter,) in widths of the priors, no longer than may be gone at once."""
+        return min(1.0, self._room(step * self.width)) * step
+
     def _aside(self, here: Place, direction: Array, length: float) -> Place:
         """Return the place at so many times a direction (parameter,), as far as there is room and bounds allow."""
         return self.place(here.values + min(length, self._room(direction)) * direction)
@@ -319,10 +322,13 @@ class Climb:
             found = self._rise(here, step * self.width, enough=WORTH_LENGTHENING * promised, eager=eager)
             if found is not None:
                 return found, max(damping * DAMPING_DOWN, DAMPING_LEAST)
-            fallen, eager = _cut(step), False
+            fallen, eager = self._cut(step), False
             damping, up = damping * up, 2.0 * up
             # Where little damping makes no difference the next step would fall as this one did.
-            while damping <= DAMPING_MOST and _alike(_step(gradient, information, moving, damping)[0], fallen):
+            while damping <= DAMPING_MOST:
+                step, _ = _step(gradient, information, moving, damping)
+                if not _alike(self._cut(step), fallen):
+                    break
                 damping, up = damping * up, 2.0 * up
         return None
 
@@ -358,14 +364,9 @@ def _correct(jacobian: Array, difference: Array, shift: Array) -> NDArray[np.boo
     return np.asarray(jumped)
 
 
-def _cut(step: Array) -> Array:
-    """Return a step (parameter,) in widths of the priors, no longer than one may be."""
-    return step * (LONGEST_STEP / max(float(np.abs(step).max()), LONGEST_STEP))
-
-
 def _alike(step: Array, fallen: Array) -> bool:
-    """Return whether a step (parameter,) leads to where one that fell has led, in widths of the priors."""
-    return bool(np.abs(_cut(step) - fallen).max() < OTHERWISE * np.abs(fallen).max())
+    """Return whether a step (parameter,) leads to about where one that fell has led, both cut to what may be gone."""
+    return bool(np.abs(step - fallen).max() < OTHERWISE * np.abs(fallen).max())
 
 
 def _step(gradient: Array, information: Array, moving: NDArray[np.bool_], damping: float) -> tuple[Array, float]:
