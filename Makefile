@@ -102,7 +102,7 @@ docs: $(VENV)/.installed-docs ## the documentation as pages for a browser, into 
 	$(BIN)/python -m sphinx --fail-on-warning --quiet --fresh-env --doctree-dir build/doctrees docs build/docs
 	@echo "open build/docs/index.html"
 
-test: $(VENV)/.installed-test $(VENV)/.debian ## style, types, import contracts and all tests
+test: $(VENV)/.installed-test $(VENV)/.debian ## style, types, import contracts and tests (what takes longest of the tutorial: make tutorial)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy

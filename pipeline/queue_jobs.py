@@ -255,7 +255,7 @@ def missing_extra(kind: str, error: ModuleNotFoundError) -> str:
     """Return the sentence for a package that is not installed."""
     return (
         f"cluster: kind '{kind}' needs {error.name}, which is not installed; "
-        "install the extra: pip install 'milling-chatter[cluster]'"
+        "install the extra, in the program's folder: pip install --constraint constraints.txt --editable '.[cluster]'"
     )
 
 
