@@ -12,6 +12,7 @@ characteristics of ball bearing and multi-modes on the stability of milling proc
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,28 @@ def axial_pitch(tool: Tool) -> float:
     return math.pi * tool.diameter / lag if lag > 0.0 else math.inf
 
 
+class Edges(NamedTuple):
+    """What a compiled loop over edges at times takes.
+
+    time (point, time) [s]; spindle_speed [rad/s], axial_depth [m], lag_angle [rad], tangential and radial coefficients
+    [Pa] (point,); turn, the angle after which the cut repeats itself [rad]; of the passages ahead [rad], lower and
+    upper (passage,), entry and exit (point, passage) [rad].
+    """
+
+    time: Array
+    spindle_speed: Array
+    axial_depth: Array
+    lag_angle: Array
+    tangential: Array
+    radial: Array
+    turn: float
+    ahead: Array
+    lower: Array
+    upper: Array
+    entry: Array
+    exit: Array
+
+
 @dataclass(frozen=True, kw_only=True)
 class CuttingGain:
     """Force on the tip per tip displacement since the surface was left, F = K(t) [w(t) - w(t - tau)].
@@ -128,51 +151,44 @@ class CuttingGain:
     def __call__(self, time: Array) -> Array:
         """Return K at times (point, ...) [N/m]."""
         gain = np.zeros((*time.shape, 2, 2))
-        _add_edges(*self.edges(time), gain.reshape(len(time), -1, 2, 2))
+        _add_edges(self.edges(time), gain.reshape(len(time), -1, 2, 2))
         return gain
 
-    def edges(self, time: Array) -> tuple[float | Array, ...]:
-        """Return what a compiled loop over edges at times (point, ...) [s] starts with.
-
-        times (point, time), spindle speed, axial depth and lag angle (point,), the angle after which the cut repeats
-        itself; of the passages ahead, lower and upper (passage,), entry and exit (point, passage); tangential and
-        radial coefficient (point,).
-        """
+    def edges(self, time: Array) -> Edges:
+        """Return the edges at times (point, ...) [s]."""
         count, own = len(time), self.passages
-        return (
-            time.reshape(count, -1),
-            self.spindle_speed,
-            self.axial_depth,
-            self.lag_angle,
-            2.0 * math.pi / self.tool.teeth * own.repeat,
-            own.ahead,
-            own.lower,
-            own.upper,
-            np.broadcast_to(own.entry, (count, len(own))),
-            np.broadcast_to(own.exit, (count, len(own))),
-            np.full(count, self.coefficients.tangential),
-            np.full(count, self.coefficients.radial),
+        # Of one layout in memory: each other one would be compiled for itself.
+        return Edges(
+            time=np.ascontiguousarray(time.reshape(count, -1)),
+            spindle_speed=np.ascontiguousarray(self.spindle_speed),
+            axial_depth=np.ascontiguousarray(self.axial_depth),
+            lag_angle=self.lag_angle,
+            tangential=np.full(count, self.coefficients.tangential),
+            radial=np.full(count, self.coefficients.radial),
+            turn=2.0 * math.pi / self.tool.teeth * own.repeat,
+            ahead=np.ascontiguousarray(own.ahead),
+            lower=np.ascontiguousarray(own.lower),
+            upper=np.ascontiguousarray(own.upper),
+            entry=np.ascontiguousarray(np.broadcast_to(own.entry, (count, len(own)))),
+            exit=np.ascontiguousarray(np.broadcast_to(own.exit, (count, len(own)))),
         )
 
 
 @compiled
-def _add_edges(  # type: ignore[no-untyped-def]
-    time, spindle_speed, axial_depth, lag_angle, turn, starts, lowers, uppers, entries, exits, tangential_coefficient,
-    radial_coefficient, gain,
-):  # fmt: skip
-    """Add up the directional matrices of all edges in the cut at times (point, time); the cut repeats every turn."""
-    for p in range(len(time)):
-        tangential, radial = tangential_coefficient[p], radial_coefficient[p]
-        for q in range(len(starts)):
-            entry, leave = entries[p, q], exits[p, q]
+def _add_edges(edges, gain):  # type: ignore[no-untyped-def]
+    """Add up the directional matrices (point, time, 2, 2) of all edges in the cut; the cut repeats every turn."""
+    for p in range(len(edges.time)):
+        tangential, radial = edges.tangential[p], edges.radial[p]
+        for q in range(len(edges.ahead)):
+            entry, leave, part = edges.entry[p, q], edges.exit[p, q], edges.upper[q] - edges.lower[q]
             if leave <= entry:
                 continue
-            lag, depth = lag_angle[p] * (uppers[q] - lowers[q]), axial_depth[p] * (uppers[q] - lowers[q])
-            ahead = starts[q] - lag_angle[p] * lowers[q]
-            for t in range(time.shape[1]):
-                phase = within_turn(spindle_speed[p] * time[p, t] + ahead, turn)
-                for edge in range(math.floor(entry / turn), last_edge(leave, lag, turn) + 1):
-                    angle = phase + turn * edge
+            lag, depth = edges.lag_angle[p] * part, edges.axial_depth[p] * part
+            ahead = edges.ahead[q] - edges.lag_angle[p] * edges.lower[q]
+            for t in range(edges.time.shape[1]):
+                phase = within_turn(edges.spindle_speed[p] * edges.time[p, t] + ahead, edges.turn)
+                for number in range(math.floor(entry / edges.turn), beyond(leave, lag, edges.turn)):
+                    angle = phase + edges.turn * number
                     leaves, enters = engaged_share(angle, entry, leave, lag)
                     if enters <= leaves:
                         continue
@@ -187,9 +203,10 @@ def _add_edges(  # type: ignore[no-untyped-def]
 
 @compiled
 def within_turn(angle, turn):  # type: ignore[no-untyped-def]
-    """Return an angle without whole turns, which a remainder would cost more than all else of an edge out of the cut.
+    """Return an angle less its whole turns.
 
-    Rounding may bring it to a turn, or below none: edges at either end of their range cut nothing.
+    A remainder would cost more than all else that is done for an edge out of the cut. Rounding may give a whole turn,
+    or a little less than none: there neither the first edge nor the last one cuts.
 
     See docs/physics.md#cutting.
     """
@@ -197,12 +214,12 @@ def within_turn(angle, turn):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def last_edge(leave, lag, turn):  # type: ignore[no-untyped-def]
-    """Return how many turns ahead an edge may be and still cut: its tip has left, its upper end has not.
+def beyond(leave, lag, turn):  # type: ignore[no-untyped-def]
+    """Return the number of turns ahead from which no edge cuts any more, whatever rounding does to its angle.
 
     See docs/physics.md#cutting.
     """
-    return math.ceil((leave + lag) / turn)
+    return math.ceil((leave + lag) / turn) + 1
 
 
 @compiled
@@ -219,7 +236,7 @@ def engaged_share(angle, entry, leave, lag):  # type: ignore[no-untyped-def]
 
 @compiled
 def add_direction(tangential, radial, sine_sine, sine_cosine, cosine_cosine, gain):  # type: ignore[no-untyped-def]
-    """Add the directional matrix of an edge to K (2, 2), from its depth times the mean products of its angle's.
+    """Add the directional matrix of an edge to K (2, 2), by coefficients and sums of products; either has the depth.
 
     See docs/physics.md#cutting.
     """

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, cast
 
 import numpy as np
 
-from chatter_core.cutting import CuttingGain, add_direction, engaged_share, last_edge, within_turn
+from chatter_core.cutting import CuttingGain, add_direction, beyond, engaged_share, within_turn
 from chatter_core.effects._base import Effect
 from chatter_core.jit import compiled
 from chatter_core.machine import Machine
@@ -17,7 +17,8 @@ from chatter_core.stages import Regeneration
 REFERENCE_CHIP = 1e-4
 #: Thinner than this a tooth rubs and cuts no thinner chip: a third of an edge radius of 10 um [m].
 LEAST_CHIP = 3e-6
-#: Gauss points along the engaged part of an edge: 1e-4 of K where an edge lies from no chip to the full one.
+#: Gauss points along the engaged part of an edge. K errs by 2e-4 at most where that lies from no chip to the full one,
+#: by 3e-3 where an edge lies in all of a slot at once; both for x = 0.3, and less the nearer x is to one.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 
@@ -35,32 +36,27 @@ class PowerLawGain:
     def __call__(self, time: Array) -> Array:
         """Return K at times (point, ...) [N/m]."""
         gain, own = np.zeros((*time.shape, 2, 2)), self.cut.passages
-        _add_slopes(
-            *self.cut.edges(time),
-            self.feed_per_tooth * own.pitches,
-            own.longer,
-            self.exponent,
-            gain.reshape(len(time), -1, 2, 2),
-        )
+        feed = self.feed_per_tooth * own.pitches
+        _add_slopes(self.cut.edges(time), feed, own.longer.copy(), self.exponent, gain.reshape(len(time), -1, 2, 2))
         return gain
 
 
 @compiled
-def _add_slopes(  # type: ignore[no-untyped-def]
-    time, spindle_speed, axial_depth, lag_angle, turn, starts, lowers, uppers, entries, exits, tangential_coefficient,
-    radial_coefficient, feed, longer, exponent, gain,
-):  # fmt: skip
-    """Add up the directional matrices of all edges in the cut, part by part with the slope of the power law there."""
-    for p in range(len(time)):
-        for q in range(len(starts)):
-            entry, leave, part = entries[p, q], exits[p, q], uppers[q] - lowers[q]
+def _add_slopes(edges, feed, longer, exponent, gain):  # type: ignore[no-untyped-def]
+    """Add up the directional matrices (point, time, 2, 2) of all edges in the cut, with the law's slope along each.
+
+    feed, longer: (passage,), the nominal chip is feed sin(theta) + longer [m].
+    """
+    for p in range(len(edges.time)):
+        for q in range(len(edges.ahead)):
+            entry, leave, part = edges.entry[p, q], edges.exit[p, q], edges.upper[q] - edges.lower[q]
             if leave <= entry:
                 continue
-            lag, ahead = lag_angle[p] * part, starts[q] - lag_angle[p] * lowers[q]
-            for t in range(time.shape[1]):
-                phase = within_turn(spindle_speed[p] * time[p, t] + ahead, turn)
-                for edge in range(math.floor(entry / turn), last_edge(leave, lag, turn) + 1):
-                    angle = phase + turn * edge
+            lag, ahead = edges.lag_angle[p] * part, edges.ahead[q] - edges.lag_angle[p] * edges.lower[q]
+            for t in range(edges.time.shape[1]):
+                phase = within_turn(edges.spindle_speed[p] * edges.time[p, t] + ahead, edges.turn)
+                for number in range(math.floor(entry / edges.turn), beyond(leave, lag, edges.turn)):
+                    angle = phase + edges.turn * number
                     leaves, enters = engaged_share(angle, entry, leave, lag)
                     if enters <= leaves:
                         continue
@@ -74,8 +70,8 @@ def _add_slopes(  # type: ignore[no-untyped-def]
                         sine_sine += slope * sine**2
                         sine_cosine += slope * sine * cosine
                         cosine_cosine += slope * cosine**2
-                    depth = axial_depth[p] * part * (enters - leaves)
-                    tangential, radial = depth * tangential_coefficient[p], depth * radial_coefficient[p]
+                    depth = edges.axial_depth[p] * part * (enters - leaves)
+                    tangential, radial = depth * edges.tangential[p], depth * edges.radial[p]
                     add_direction(tangential, radial, sine_sine, sine_cosine, cosine_cosine, gain[p, t])
 
 

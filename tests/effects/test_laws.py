@@ -433,10 +433,11 @@ def test_a_power_law_is_the_slope_of_the_force_slice_by_slice(runout: float, ref
 def test_an_edge_of_a_radius_cuts_as_its_slices_do(exponent: float, reference_machine: Machine):
     """It has x (h/h_ref)^(x - 1) K, sqrt(h^2 + (3 um)^2) being h, on thin slices of unlike teeth at operating points.
 
-    The program's 16 Gauss points miss 1e-4; a slice of 4000 more or less at either end of an edge is as much, and a few
-    times that where x < 1 and the chip vanishes.
+    Slices miss 1e-4 at the ends of an edge, the 16 Gauss points of the program far less. Of the times some have teeth
+    that cut behind the second or third before them, and chips that vanish.
     """
     effects = [activate("tool_runout", {"runout_um": 60.0, "phase_deg": 20.0})]
+    effects += [activate("cutting_speed_coefficient", {"exponent": 0.3})]
     effects += [activate("chip_thickness_power_law", {"exponent": exponent})]
     stages = apply_effects(reference_machine, effects)
     speed, depths, count = np.array([9000.0, 12000.0]) * RPM, np.array([4e-3, 1e-3]), 4000
@@ -460,10 +461,10 @@ def test_an_edge_of_a_radius_cuts_as_its_slices_do(exponent: float, reference_ma
                 total += pushes @ np.array([sine, cosine]).T
         return total
 
-    time = np.array([0.07, 0.31, 0.55, 0.83]) * problem.period[:, None]
+    time = np.array([0.07, 0.2, 0.25, 0.5, 0.83]) * problem.period[:, None]
     found = sum(term.gain(time) for term in problem.feedback)
     expected = np.array([[gain(point, one) for one in time[point]] for point in range(2)])
-    assert found == pytest.approx(expected, abs=5e-4 * np.abs(expected).max())
+    assert found == pytest.approx(expected, abs=2e-4 * np.abs(expected).max())
 
 
 def test_half_the_feed_is_another_coefficient(reference_machine: Machine):
