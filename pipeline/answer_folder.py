@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from chatter_core.errors import InvalidInput
+from pipeline.errors import told_where
 from pipeline.places import STORES
 from pipeline.places.address import POINTER
 from pipeline.places.folder import UNPACKED
@@ -18,6 +19,8 @@ from pipeline.places.folder import UNPACKED
 PAGE = "report.html"
 #: Beginning of the names of folders in which answers are written.
 BESIDE = ".writing-"
+#: Bytes of a first line that are looked at.
+LONGEST_LINE = 10_000
 #: What only the folder of a study holds.
 OF_A_STUDY = (*STORES, *(f"{UNPACKED}{store}" for store in STORES), POINTER)
 
@@ -47,6 +50,19 @@ def require_room(output: Path, names: Iterable[Path | str]) -> None:
             raise InvalidInput(
                 [f"output: {place.parent} is {found}, and a folder of the answer is called so; name another"]
             )
+
+
+def refuse_other_file(path: Path, named: str, is_answer: Callable[[str], bool]) -> None:
+    """Raise InvalidInput where a file stands that no earlier answer is.
+
+    named: by which word people named it; is_answer: whether a first line is that of an answer.
+    """
+    if not path.is_file():
+        return
+    with told_where(path, named), path.open("rb") as file:
+        first = file.readline(LONGEST_LINE).decode("utf-8", "replace")
+    if first and not is_answer(first):
+        raise InvalidInput([f"{named}: {path} holds something that no earlier answer is; name another file"])
 
 
 def write_text(path: Path, text: str) -> None:

@@ -5,6 +5,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from multiprocessing import resource_tracker
 from tempfile import TemporaryDirectory
 from typing import Any
 from urllib.parse import urlsplit
@@ -103,6 +104,8 @@ def _starting_deaf() -> Iterator[None]:
     A worker that Ctrl-C hits before its plugin is there would end in a traceback. The driver hears afterwards what was
     sent meanwhile: the end of a terminal is told of once.
     """
+    # A thread that has to start the tracker of multiprocessing hears Ctrl-C afterwards, and so would its processes.
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, OF_TERMINALS)
     try:
         yield

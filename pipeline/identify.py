@@ -19,7 +19,7 @@ from chatter_core.machine import Machine, TipMode
 from chatter_core.tip import AXES
 from chatter_core.units import si_factor
 from pipeline import identify_figure
-from pipeline.answer_folder import write_text
+from pipeline.answer_folder import refuse_other_file, write_text
 from pipeline.campaigns import remarks
 from pipeline.configuration import Words, compose_settings, sort_words
 from pipeline.errors import told_where
@@ -29,6 +29,8 @@ from pipeline.verbs.campaigns import IdentifyOptions
 
 #: What a machine needs beside its tip; nothing of it shows in a receptance.
 REST = ("tool", "cutting", "process")
+#: How the file begins.
+HEAD = "# Tip modes identified from"
 #: Digits that are written: of values, and of standard deviations.
 DIGITS, DEVIATION_DIGITS = 6, 3
 
@@ -53,6 +55,8 @@ def run(words: list[str]) -> int:
         # The identification speaks of mode_count, which is called modes here.
         problems = [problem.replace("mode_count:", "modes:", 1) for problem in error.problems]
         raise InvalidInput([f"{source}: {problem}" for problem in problems]) from None
+    except (np.linalg.LinAlgError, MemoryError) as error:
+        raise InvalidInput([f"{source}: no modes can be found in these receptances: {error}"]) from None
     make_folder(options.output.parent)
     with told_where(options.output):
         write_text(options.output, machine_file(found, rest, source.resolve().name))
@@ -72,7 +76,7 @@ def machine_file(found: IdentifiedTip, rest: dict[str, Any], source: str) -> str
         for mode in found.tip.described()["modes"]
     ]
     head = (
-        f"# Tip modes identified from {source}; deviation: standard deviation, with {100 * GAIN_ERROR:g} % of gain\n"
+        f"{HEAD} {source}; deviation: standard deviation, with {100 * GAIN_ERROR:g} % of gain\n"
         f"# and {100 * FREQUENCY_ERROR:g} % of frequency scale, which all modes of a receptance share.\n"
     )
     body = yaml.safe_dump({"tip": {"modes": modes}, **rest}, sort_keys=False, default_flow_style=None, width=200)
@@ -141,6 +145,7 @@ def _check_output(options: IdentifyOptions, words: Words) -> None:
     for source in (options.frf, words.machine_file, campaign):
         if source is not None and source.resolve() == options.output.resolve():
             raise InvalidInput([f"output: {options.output} is an input of the same command; name another file"])
+    refuse_other_file(options.output, "output", lambda first: first.startswith(HEAD))
 
 
 def _source(options: IdentifyOptions, words: Words) -> Path:

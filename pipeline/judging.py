@@ -4,6 +4,7 @@ An answer never takes the place of what was measured, of what is read, of a stud
 campaign.
 """
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,10 +88,16 @@ def _refuse_loss(verb: Verb[Found], output: Path, options: JudgingOptions, asked
         raise InvalidInput([f"output: {output} is the folder of the campaign itself; name another"])
     if asked.content.effects_path == output.resolve():
         raise InvalidInput([f"output: {output} is the folder of the effects; name another"])
-    if options.model is not None and options.model.resolve() in [(output / file).resolve() for file in verb.files]:
+    # Links may lead round in circles in the place of an answer.
+    places = [os.path.realpath(output / file) for file in verb.files]
+    if options.model is not None and os.path.realpath(options.model) in places:
         raise InvalidInput([f"output: {output} holds the model that is read; name another folder"])
     for document in DOCUMENTS:
         before = _campaign_of(output / document)
+        if before is None and (output / document).exists():
+            raise InvalidInput(
+                [f"output: {output} holds a {document} that no earlier answer has written; name another"]
+            )
         if before not in (None, asked.name):
             raise InvalidInput([f"output: {output} holds the answer for campaign {shown(before)}; name another folder"])
     refuse_foreign(output, DOCUMENTS)

@@ -86,6 +86,8 @@ class ModelFile(BaseModel):
         matrix = np.array(self.correlation).reshape(count, count)
         if count and (np.abs(matrix - matrix.T).max() > 1e-9 or np.linalg.eigvalsh(matrix).min() < -1e-3):
             raise ValueError("correlation: the matrix must be symmetric and have no negative eigenvalue")
+        if count and np.abs(np.diag(matrix) - 1.0).max() > 1e-9:
+            raise ValueError("correlation: every parameter correlates with itself by 1, on the diagonal")
         return self
 
     def content(self, own: Path | None) -> Content:
@@ -177,6 +179,9 @@ def _effect_problems(name: str, settings: dict[str, Any], own: Path | None) -> l
 
 def _changed_effects(found: ModelFile, own: Path | None) -> list[str]:
     """Return which of the user's own effects are not any more what was fitted."""
+    unknown = [name for name in found.own_effects if name not in found.effects]
+    if unknown:
+        return [f"own_effects: found {shown(name)}, which is not among the effects of the model" for name in unknown]
     now = own_digests(found.effects, own)
     return [
         f"effects.{name}: {name}.py was changed since the model was fitted; fit the model again"
@@ -215,6 +220,11 @@ def _parameter_problems(found: ModelFile, model: CampaignModel) -> Iterator[str]
         lower, upper = max(own.lower, own.prior_mean - reach), min(own.upper, own.prior_mean + reach)
         if not lower <= parameter.estimate <= upper:
             yield (f"parameters: {own.name}: found {parameter.estimate:g} {own.unit}, allowed {lower:g} to {upper:g}")
+        if parameter.standard_deviation > reach:
+            yield (
+                f"parameters: {own.name}: found the standard deviation {parameter.standard_deviation:g} {own.unit}, "
+                f"allowed 0 to {reach:g}"
+            )
 
 
 def _rounded(value: Any, digits: int) -> float:

@@ -10,13 +10,22 @@ from chatter_core.evidence.measured import DIRECTIONS, PLANNED, Trials
 from chatter_core.evidence.planned import PlannedCuts, planned_campaign, predict_planned
 from chatter_core.units import si_factor
 from chatter_core.variables import STATUS
-from pipeline.answer_folder import write_text
+from pipeline.answer_folder import refuse_other_file, write_text
 from pipeline.campaigns import model_of, options_of, read
 from pipeline.configuration import sort_words
 from pipeline.errors import told_where
 from pipeline.locking import make_folder
 from pipeline.telling import complain, fact, say, wrote
 from pipeline.verbs.campaigns import PredictOptions
+
+#: Columns that are written beside those of the table.
+PREDICTED = (
+    "spectral_radius",
+    "predicted_outcome",
+    "probability_chatter",
+    "predicted_chatter_frequency_hz",
+    "status",
+)
 
 
 def run(words: list[str]) -> int:
@@ -28,6 +37,7 @@ def run(words: list[str]) -> int:
         asked = read(options, sorted_words)
         campaign = asked.model.campaign
         trials, order = planned_trials(options.trials, campaign.machine)
+        _refuse_columns(trials, options)
         model = model_of(planned_campaign(campaign, trials), asked.content)
         found = predict_planned(model, asked.belief)
     make_folder(options.predictions.parent, "predictions")
@@ -55,6 +65,19 @@ def _refuse_loss(options: PredictOptions) -> None:
     measured = place.parent == options.campaign.resolve() and is_read(place.name)
     if measured or (options.model is not None and place == options.model.resolve()):
         raise InvalidInput([f"predictions: {options.predictions} is read for the prediction; name another file"])
+    refuse_other_file(options.predictions, "predictions", lambda first: all(name in first for name in PREDICTED))
+
+
+def _refuse_columns(trials: Trials, options: PredictOptions) -> None:
+    """Raise InvalidInput where a column of the user's has the name of one that is written.
+
+    A table with all of them is an earlier prediction, and is predicted anew.
+    """
+    taken = [name for name in PREDICTED if name in trials.unknown]
+    if 0 < len(taken) < len(PREDICTED):
+        raise InvalidInput(
+            [f"{options.trials}: column {name} is one of those that are written; rename it" for name in taken]
+        )
 
 
 def table(trials: Trials, found: PlannedCuts) -> pd.DataFrame:
@@ -70,13 +93,11 @@ def table(trials: Trials, found: PlannedCuts) -> pd.DataFrame:
             columns[column.key] = values if column.whole else values / si_factor(column.key)
     columns |= trials.unknown
     outcome = np.where(found.margin > 0.0, "chatter", np.where(np.isnan(found.margin), "", "stable"))
-    return pd.DataFrame(
-        {
-            **columns,
-            "spectral_radius": found.spectral_radius,
-            "predicted_outcome": outcome,
-            "probability_chatter": found.probability_chatter,
-            "predicted_chatter_frequency_hz": found.chatter_frequency / si_factor("x_hz"),
-            "status": [names[code] for code in found.status],
-        }
+    predicted = (
+        found.spectral_radius,
+        outcome,
+        found.probability_chatter,
+        found.chatter_frequency / si_factor("x_hz"),
+        [names[code] for code in found.status],
     )
+    return pd.DataFrame({**columns, **dict(zip(PREDICTED, predicted, strict=True))})

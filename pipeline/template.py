@@ -75,7 +75,8 @@ def run(words: list[str]) -> int:
     contents |= {table.file: ",".join(column.key for column in table.columns) + "\n" for table in TABLES}
     contents["README.txt"] = README_HEAD + "".join(_explained(table) for table in TABLES) + README_END
     with told_where(output):
-        wrote(write_whole(lambda folder: _written(contents, folder), output))
+        written = write_whole(lambda folder: _written(contents, folder), output)
+    wrote(written)
     return 0
 
 

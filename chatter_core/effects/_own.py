@@ -7,7 +7,7 @@ program's own effects is a fault of the program, and stays one.
 import re
 import traceback
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from inspect import isabstract
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args, get_origin, get_type_hints
@@ -19,6 +19,7 @@ from chatter_core.machine import Machine
 from chatter_core.parameters import Parameter, Touches
 from chatter_core.reading import nearest
 from chatter_core.stages import Stages
+from chatter_core.tip import OVER_SPEED, TipModes
 
 if TYPE_CHECKING:
     from chatter_core.effects._base import Effect
@@ -37,7 +38,12 @@ def require_complete(kind: "type[Effect]", file: Path) -> None:
     """
     missing = [key for key in ("stage", "declared", "changes") if not hasattr(kind, key)]
     missing += ["transform"] if isabstract(kind) else []
-    problems = [f"{kind.__name__} does not say {', '.join(missing)}"] if missing else list(_findings(kind))
+    # What a class says may be anything, and looking at it may fail.
+    problems = (
+        [f"{kind.__name__} does not say {', '.join(missing)}"]
+        if missing
+        else told(file, lambda: list(_findings(kind)) or list(_findings_of_making(kind)))
+    )
     if problems:
         raise InvalidInput([f"effects_path: {file}: {problem}" for problem in problems])
 
@@ -110,6 +116,15 @@ def _findings_of_settings(kind: "type[Effect]") -> Iterator[str]:
             yield f"settings: choices of {one.name}: found {one.choices!r}, allowed: a tuple of words or whole numbers"
 
 
+def _findings_of_making(kind: "type[Effect]") -> Iterator[str]:
+    chosen = [setting.name for setting in kind.settings]
+    for field in fields(kind):
+        if field.init and field.name not in chosen and field.default is MISSING and field.default_factory is MISSING:
+            yield f"{field.name}: a field that is no setting, needed: a value, {field.name} = ..."
+            return
+    kind(**{setting.name: setting.choices[0] for setting in kind.settings})
+
+
 def _unknown(key: str, found: Any, allowed: Iterable[str]) -> Iterator[str]:
     """Yield what a key names that there is not."""
     if not _is_tuple(found):
@@ -145,9 +160,32 @@ def watched(effect: "Effect", before: Any, machine: Machine, values: tuple[float
             raise InvalidInput(
                 [f"effects_path: {file}: {effect.acts_on} returned an array of shape {found.shape}, needed: {needed}"]
             )
+        if isinstance(found, TipModes) and (wrong := _wrong_in_modes(found)):
+            raise InvalidInput([f"effects_path: {file}: {effect.acts_on} returned modes whose {wrong}"])
         return found
 
     return stage
+
+
+def _wrong_in_modes(found: TipModes) -> str | None:
+    """Return what is wrong with the arrays of modes, None where nothing is."""
+    for names, kind, meant in ((("axis", "label"), "i", "whole"), (OVER_SPEED, "f", "floating-point")):
+        for name in names:
+            array = getattr(found, name)
+            if not isinstance(array, np.ndarray) or array.dtype.kind != kind:
+                return f"{name} is no array of {meant} numbers"
+    shapes = {name: getattr(found, name).shape for name in OVER_SPEED}
+    for name, shape in shapes.items():
+        if len(shape) != 2 or shape[1] != found.axis.size or not found.axis.size:
+            return f"{name} has the shape {shape}, needed: (speed, {found.axis.size or 'mode'})"
+    if len({*shapes.values()}) > 1:
+        return f"arrays are of unlike numbers of speeds: {shapes}"
+    if found.label.shape != found.axis.shape or not np.isin(found.axis, (0, 1)).all():
+        return "axis and label are not (mode,) each, or axis is neither 0 nor 1"
+    for name in ("natural_frequency", "modal_mass"):
+        if np.any(getattr(found, name) <= 0.0):
+            return f"{name} is not positive"
+    return None
 
 
 def told(file: Path, call: Callable[..., Any], *arguments: Any) -> Any:

@@ -91,12 +91,15 @@ def best_table(found: Contrast) -> pd.DataFrame:
 
 def write(found: Contrast, folder: Path) -> list[Path]:
     """Write every table into a folder and return the paths."""
-    tables = {
-        "settings": settings_table,
-        "lines": lines_table,
-        "limit_depths": limits_table,
-        "dominant_modes": modes_table,
-        "best_cuts": best_table,
-    }
-    named = {name: table(found).rename(columns={"preload": "preload_n"}) for name, table in tables.items()}
+    named = {name: table(found).rename(columns={"preload": "preload_n"}) for name, table in TABLES.items()}
     return csv_files.write(named, folder)
+
+
+#: Every table by its name, and what makes it.
+TABLES = {
+    "settings": settings_table,
+    "lines": lines_table,
+    "limit_depths": limits_table,
+    "dominant_modes": modes_table,
+    "best_cuts": best_table,
+}

@@ -33,7 +33,7 @@ def run(words: list[str]) -> int:
     margins = Margins.model_validate(options.margins)
     places = [_study(name, getattr(options, name)) for name in STUDIES]
     output = options.output or Path("results") / f"contrast-{'-'.join(map(_short, places))}"
-    refuse_foreign(output, [MARK])
+    _refuse_loss(output)
     both = contrast(*(read(place, margins.said) for place in places))
     with held_for_results(output):
         written = write_whole(lambda folder: _write(both, margins, folder), output)
@@ -43,6 +43,15 @@ def run(words: list[str]) -> int:
         say(sentence)
     wrote(written)
     return 0
+
+
+def _refuse_loss(output: Path) -> None:
+    """Raise InvalidInput where the answer would take the place of something that no earlier one has written."""
+    refuse_foreign(output, [MARK])
+    own = [PAGE, MARK, *(f"{TABLES}/{name}.csv" for name in tables.TABLES)]
+    there = [name for name in own if (output / name).exists()]
+    if there and not {PAGE, MARK} <= {*there}:
+        raise InvalidInput([f"output: {output} holds a {there[0]} that no earlier answer has written; name another"])
 
 
 def _study(name: str, value: str) -> Place:

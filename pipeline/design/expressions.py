@@ -48,7 +48,8 @@ class Formula:
             raise ValueError(f"found a formula of {len(text)} characters, allowed: at most {LONGEST}")
         self.text = text
         try:
-            self._parsed = simpleeval.SimpleEval.parse(text)
+            # A second statement would be left out, with a warning.
+            self._parsed = ast.parse(text.strip(), mode="eval").body
         except Exception as error:
             raise ValueError(f"found {text!r}, which is no formula: {_first_line(error)}") from None
 

@@ -168,6 +168,9 @@ def with_line(*lines: str) -> str:
             EXAMPLE_TEXT.replace("lower=0.0,", "lower=0.0, prior_mean=9.0,"),
             r"mine.py: declared: prior_mean of loss: found 9",
         ),
+        (with_line("needed: float"), r"mine.py: needed: a field that is no setting, needed: a value, needed = "),
+        (EXAMPLE_TEXT.replace("prior_width=0.2,", 'prior_width=0.2, prior_mean="a",'), r"mine.py: TypeError: "),
+        (with_line("def __post_init__(self): raise ValueError('mine')"), r"mine.py, line \d+: ValueError: mine"),
         (EXAMPLE_TEXT.replace('name="loss"', 'name="lo ss"'), r"mine.py: declared: found the name 'lo ss', allowed: "),
     ],
 )
@@ -202,6 +205,36 @@ def test_a_law_that_fails_is_told_with_its_line(tmp_path: Path, capsys, found: s
     (tmp_path / "mine.yaml").write_text("loss: 0.3\n")
     assert main([*POINT[:-1], f"effects_path={tmp_path}", "effects=[mine]"]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
+    assert re.search(said, line), line
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        (
+            "natural_frequency=found.natural_frequency[0]",
+            r"natural_frequency has the shape \(4,\), needed: \(speed, 4\)",
+        ),
+        ("natural_frequency=found.natural_frequency[:, :0]", r"natural_frequency has the shape "),
+        ("natural_frequency=found.natural_frequency[1:]", r"arrays are of unlike numbers of speeds"),
+        ("natural_frequency=1j * found.natural_frequency", r"natural_frequency is no array of floating-point numbers"),
+        ("natural_frequency=0.0 * found.natural_frequency", r"natural_frequency is not positive"),
+        ("natural_frequency=list(found.natural_frequency)", r"natural_frequency is no array"),
+        ("damping_ratio=found.damping_ratio.astype(object)", r"damping_ratio is no array"),
+        ("modal_mass=-found.modal_mass", r"modal_mass is not positive"),
+        ("axis=found.axis + 5", r"axis is neither 0 nor 1"),
+        ("axis=0.5 * found.axis", r"axis is no array of whole numbers"),
+        ("label=found.label[:1]", r"axis and label are not"),
+    ],
+)
+def test_modes_that_no_chain_could_use_are_told(tmp_path: Path, capsys, changed: str, said: str):
+    text = EXAMPLE_TEXT.replace("natural_frequency=found.natural_frequency * factor", changed)
+    assert text != EXAMPLE_TEXT
+    (tmp_path / "mine.py").write_text(text)
+    (tmp_path / "mine.yaml").write_text("loss: 0.3\n")
+    assert main([*POINT[:-1], f"effects_path={tmp_path}", "effects=[mine]"]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "mine.py: cut_modes returned modes whose" in line
     assert re.search(said, line), line
 
 

@@ -244,6 +244,45 @@ def test_predictions_are_not_written_over_what_was_read(tmp_path, capsys, down_m
     assert f"predictions: {file} cannot be used as a folder" in refused(capsys, *words, f"predictions={file / 'x.csv'}")
 
 
+def test_predictions_take_the_place_of_earlier_ones_and_of_nothing_else(tmp_path, capsys):
+    words = ("predict", f"campaign={CAMPAIGNS / 'r02'}", f"trials={plan(tmp_path, [[1, 3600, 1.0]])}")
+    for mine in (tmp_path / "mine.txt", tmp_path / "process_damping.yaml"):
+        mine.write_text("coefficient: 1\n")
+        assert "that no earlier answer is" in refused(capsys, *words, f"predictions={mine}")
+        assert mine.read_text() == "coefficient: 1\n"
+    out = tmp_path / "out.csv"
+    out.touch()
+    for _ in range(2):
+        assert main([*words, f"predictions={out}"]) == 0
+    # An earlier prediction is a plan like any other.
+    assert main([*words[:2], f"trials={out}", f"predictions={tmp_path / 'again.csv'}"]) == 0
+    assert (tmp_path / "again.csv").read_text() == out.read_text()
+
+
+def test_a_column_of_ones_own_is_not_replaced(tmp_path, capsys):
+    file = tmp_path / "plan.csv"
+    file.write_text("trial,spindle_speed_rpm,axial_depth_mm,status\n1,3600,1.0,ask Anna\n")
+    words = ("predict", f"campaign={CAMPAIGNS / 'r02'}", f"trials={file}", f"predictions={tmp_path / 'out.csv'}")
+    assert f"{file}: column status is one of those that are written; rename it" in refused(capsys, *words)
+    assert not (tmp_path / "out.csv").exists()
+
+
+@pytest.mark.parametrize("text", ["mine, and no json", "{}", "[]"])
+def test_a_document_that_no_answer_has_written_is_kept(tmp_path, capsys, text):
+    for name in ("comparison.json", "report.html"):
+        (tmp_path / name).write_text(text)
+    words = ("compare", f"campaign={CAMPAIGNS / 'r02'}", f"output={tmp_path}", SERIAL)
+    assert "holds a comparison.json that no earlier answer has written" in refused(capsys, *words)
+    assert (tmp_path / "report.html").read_text() == text
+
+
+def test_links_in_a_circle_where_an_answer_goes_are_no_model(tmp_path, down_milling):
+    (tmp_path / "trials.csv").symlink_to("trials.csv")
+    words = (f"campaign={CAMPAIGNS / 'r02'}", f"model={down_milling / 'model.yaml'}", f"output={tmp_path}", SERIAL)
+    assert main(["compare", *words]) == 0
+    assert not (tmp_path / "trials.csv").is_symlink()
+
+
 @pytest.mark.parametrize(("number", "kind"), [(signal.SIGTERM, "serial"), (signal.SIGINT, "local")])
 def test_a_stopped_comparison_ends_in_order_and_leaves_nothing(tmp_path, number, kind):
     output, scratch = tmp_path / "out", tmp_path / "scratch"
@@ -314,6 +353,11 @@ def test_a_model_of_another_machine_or_with_odd_content_is_refused(tmp_path, cap
     assert "found 99" in said(lambda c: c["parameters"][0].update(estimate=99.0))
     assert "correlation" in said(lambda c: c["correlation"].pop())
     assert "symmetric" in said(lambda c: c["correlation"][0].__setitem__(1, 5.0))
+    assert "by 1, on the diagonal" in said(lambda c: c["correlation"][0].__setitem__(0, 25.0))
+    assert "found the standard deviation 1e+300 ln, allowed 0 to" in said(
+        lambda c: c["parameters"][0].update(standard_deviation=1e300)
+    )
+    assert "own_effects: found 'mine', which is not among" in said(lambda c: c.update(own_effects={"mine": "0"}))
     assert "machine: missing" in said(lambda c: c.pop("machine"))
 
 

@@ -254,6 +254,14 @@ def test_studies_of_two_kinds_are_refused_and_no_study_is_written_over(datasets,
     (doubled / "other" / "report.html").write_text("mine")
     assert main(["contrast", first, f"second={datasets / 'second'}", f"output={doubled / 'other'}"]) == 2
     assert "holds a report.html that another verb has written" in capsys.readouterr().err
+    for mine in ("tables/settings.csv", "figures/contrast.png"):
+        place = doubled / mine.partition("/")[0] / mine
+        place.parent.mkdir(parents=True)
+        place.write_text("mine")
+        asked = ["contrast", first, f"second={datasets / 'second'}", f"output={place.parents[1]}"]
+        assert main(asked) == 2
+        assert f"holds a {mine} that no earlier answer has written" in capsys.readouterr().err
+        assert place.read_text() == "mine"
     assert main(["contrast", first, "study=smoke"]) == 2
     told = capsys.readouterr().err
     assert "second: missing" in told

@@ -248,6 +248,7 @@ def test_a_formula_alone_comes_to_those_of_a_design(quick, tmp_path):
     [
         (("study=parameter_study",), "nothing varies"),
         (("study=parameter_study", "vary.tool.teeth=[3]", "formula.cutting.kn=1 +"), "which is no formula"),
+        (("study=parameter_study", "vary.tool.teeth=[3]", "formula.cutting.kn=0.3; 9"), "which is no formula"),
         (("study=parameter_study", "vary.tool.teeth=[3]", "formula.tool.teeth=4"), "tool.teeth varies already"),
         (("study=parameter_study", "vary.tool.teeth=[3]", "formula.cutting.kn=tool.teethh"), "teethh"),
         (("study=parameter_study", "formula.cutting.kn=0.3"), "nothing varies"),

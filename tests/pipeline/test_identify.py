@@ -140,6 +140,19 @@ def test_a_machine_is_not_written_over_itself(tmp_path, capsys):
     assert main(words) == 2
     assert "is an input of the same command" in capsys.readouterr().err
     assert machine.read_text() == "tip: {}\n"
+    # Nor over any other machine: a spindle that was described is gone for good.
+    assert main(["identify", words[1], f"output={machine}"]) == 2
+    assert "holds something that no earlier answer is" in capsys.readouterr().err
+    assert machine.read_text() == "tip: {}\n"
+    for _ in range(2):
+        assert main(["identify", words[1], f"output={tmp_path / 'tip.yaml'}"]) == 0
+
+
+def test_responses_without_a_mode_are_told(tmp_path, capsys):
+    file = written(tmp_path, [[0, float(hertz), "x", "x", 0.1, 0.0] for hertz in range(1, 100)])
+    assert main(["identify", f"frf={file}", f"output={tmp_path / 'tip.yaml'}"]) == 2
+    assert f"{file}: " in capsys.readouterr().err
+    assert not (tmp_path / "tip.yaml").exists()
 
 
 def test_a_campaign_keeps_its_machine(tmp_path, capsys):

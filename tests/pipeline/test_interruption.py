@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -135,6 +136,29 @@ def test_what_a_terminal_sends_while_workers_start_is_heard_by_the_run_alone(mon
             told = subprocess.run(["sh", "-c", "kill -INT $$; kill -HUP $$; echo deaf"], capture_output=True, text=True)
         assert stopping.number == signal.SIGHUP
     assert told.stdout == "deaf\n"
+
+
+#: Tells of its one worker whether it hears Ctrl-C and the end of a terminal before any plugin speaks to it.
+HEARING = """
+import signal
+from pathlib import Path
+from pipeline import cluster
+
+if __name__ == "__main__":
+    with cluster._starting_deaf(), cluster._started_here(processes=True, count=1) as started:
+        (nanny,) = started.workers.values()
+        said = Path(f"/proc/{nanny.pid}/status").read_text().split("SigBlk:")[1].split()[0]
+        print([number.name for number in cluster.OF_TERMINALS if not int(said, 16) & 1 << number - 1])
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="asks Linux what a process hears")
+def test_workers_hear_no_terminal_from_their_first_moment(tmp_path: Path) -> None:
+    """The process that starts them starts other things, too, which may unblock what was blocked."""
+    script = tmp_path / "hearing.py"
+    script.write_text(HEARING)
+    told = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=True)
+    assert told.stdout == "[]\n"
 
 
 @pytest.mark.parametrize(
