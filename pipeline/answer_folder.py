@@ -72,7 +72,8 @@ def write_text(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8")
         return
     place = path.resolve()
-    beside = place.with_name(f".{place.name}.{os.getpid()}")
+    # A name of its own: beside a long one a longer one may be too long.
+    beside = place.with_name(f"{BESIDE}{os.getpid()}")
     try:
         beside.write_text(text, encoding="utf-8")
         beside.replace(place)
