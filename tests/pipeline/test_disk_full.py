@@ -48,8 +48,9 @@ def disk(tmp_path: Path) -> Iterator[Path]:
 def test_a_file_that_finds_no_room_leaves_what_was_there(
     disk: Path, capsys: pytest.CaptureFixture[str], words: list[str], file: str | None
 ) -> None:
+    earlier = "# Tip modes identified from mine\n"
     if file is not None:
-        (disk / file).write_text("mine")
+        (disk / file).write_text(earlier)
     place = disk / "new" if file is None else disk / file if words[0] == "identify" else disk
     (disk / "filling").write_bytes(bytes(shutil.disk_usage(disk).free))
     before = {path.name for path in disk.iterdir()}
@@ -58,7 +59,7 @@ def test_a_file_that_finds_no_room_leaves_what_was_there(
     assert f"output: {place}" in told
     assert "No space left on device" in told
     if file is not None:
-        assert (disk / file).read_text() == "mine"
+        assert (disk / file).read_text() == earlier
         assert {path.name for path in disk.iterdir()} == before
     (disk / "filling").unlink()
     assert main([*words, f"output={place}"]) == 0

@@ -55,8 +55,9 @@ def files_in(folder):
 def test_an_answer_takes_the_place_of_an_earlier_one_and_of_nothing_else(tmp_path, capsys, quick, verb):
     output = tmp_path / "out"
     (output / "figures").mkdir(parents=True)
-    for name in ("report.html", OTHERS[verb], MARKS[verb], "notes.txt", ".writing-notes"):
+    for name in ("report.html", OTHERS[verb], "notes.txt", ".writing-notes"):
         (output / name).write_text("earlier")
+    (output / MARKS[verb]).write_text(json.dumps({"campaign": "quick"}))
     # What a run has left that was killed while it wrote.
     (output / ".writing-abc" / "figures").mkdir(parents=True)
     # Of a mode that the machine has not there is no answer, and the exit code says so.
