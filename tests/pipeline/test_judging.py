@@ -26,6 +26,8 @@ FILES = {
 OTHERS = {"compare": "trials.csv", "diagnose": "figures/lobes.png", "improve": "figures/receptances.png"}
 #: That by which an answer of a verb is known.
 MARKS = {"compare": "comparison.json", "diagnose": "diagnosis.json", "improve": "diagnosis.json"}
+#: The least that an earlier answer to the campaign of these tests says.
+EARLIER = json.dumps({"campaign": "quick"})
 every_verb = pytest.mark.parametrize("verb", list(FILES))
 
 
@@ -57,7 +59,7 @@ def test_an_answer_takes_the_place_of_an_earlier_one_and_of_nothing_else(tmp_pat
     (output / "figures").mkdir(parents=True)
     for name in ("report.html", OTHERS[verb], "notes.txt", ".writing-notes"):
         (output / name).write_text("earlier")
-    (output / MARKS[verb]).write_text(json.dumps({"campaign": "quick"}))
+    (output / MARKS[verb]).write_text(EARLIER)
     # What a run has left that was killed while it wrote.
     (output / ".writing-abc" / "figures").mkdir(parents=True)
     # Of a mode that the machine has not there is no answer, and the exit code says so.
@@ -117,11 +119,13 @@ def test_what_cannot_be_written_leaves_what_was_there(tmp_path, capsys, monkeypa
     assert f"output: {new} cannot be written: No space left on device" in capsys.readouterr().err
     assert not new.parent.exists()
     (tmp_path / "old").mkdir()
-    for name in ("report.html", MARKS[verb]):
-        (tmp_path / "old" / name).write_text("earlier")
+    (tmp_path / "old" / "report.html").write_text("earlier")
+    (tmp_path / "old" / MARKS[verb]).write_text(EARLIER)
     assert main([*words, f"output={tmp_path / 'old'}"]) == 2
+    assert "No space left on device" in capsys.readouterr().err
     assert {path.name for path in (tmp_path / "old").iterdir()} == {".lock", "report.html", MARKS[verb]}
     assert (tmp_path / "old" / "report.html").read_text() == "earlier"
+    assert (tmp_path / "old" / MARKS[verb]).read_text() == EARLIER
 
 
 @every_verb
