@@ -52,6 +52,13 @@ def require_room(output: Path, names: Iterable[Path | str]) -> None:
             )
 
 
+def refuse_unwritten(output: Path, names: Iterable[str]) -> None:
+    """Raise InvalidInput where a folder without an earlier answer holds files that are called as those of one."""
+    for name in names:
+        if (output / name).exists():
+            raise InvalidInput([f"output: {output} holds a {name} that no earlier answer has written; name another"])
+
+
 def refuse_other_file(path: Path, named: str, is_answer: Callable[[str], bool]) -> None:
     """Raise InvalidInput where a file stands that no earlier answer is.
 

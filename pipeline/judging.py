@@ -16,7 +16,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.evidence import CampaignModel
 from chatter_core.reading import shown
 from pipeline import comparison_document, diagnosis_document
-from pipeline.answer_folder import refuse_foreign, require_room, write_whole
+from pipeline.answer_folder import refuse_foreign, refuse_unwritten, require_room, write_whole
 from pipeline.campaigns import Asked, options_of, read
 from pipeline.cluster import Workers, open_client
 from pipeline.configuration import sort_words
@@ -94,18 +94,14 @@ def _refuse_loss(verb: Verb[Found], output: Path, options: JudgingOptions, asked
         raise InvalidInput([f"output: {output} holds the model that is read; name another folder"])
     for document in DOCUMENTS:
         before = _campaign_of(output / document)
-        if before is None and (output / document).exists():
-            raise InvalidInput(
-                [f"output: {output} holds a {document} that no earlier answer has written; name another"]
-            )
+        if before is None:
+            refuse_unwritten(output, [document])
         if before not in (None, asked.name):
             raise InvalidInput([f"output: {output} holds the answer for campaign {shown(before)}; name another folder"])
     refuse_foreign(output, DOCUMENTS)
     require_room(output, verb.files)
-    answered = any((output / document).exists() for document in DOCUMENTS)
-    for file in verb.files:
-        if not answered and (output / file).exists():
-            raise InvalidInput([f"output: {output} holds a {file} that no earlier answer has written; name another"])
+    if not any((output / document).exists() for document in DOCUMENTS):
+        refuse_unwritten(output, verb.files)
 
 
 def _campaign_of(document: Path) -> str | None:

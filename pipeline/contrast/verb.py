@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from chatter_core.errors import InvalidInput
-from pipeline.answer_folder import PAGE, refuse_foreign, write_whole
+from pipeline.answer_folder import PAGE, refuse_foreign, refuse_unwritten, write_whole
 from pipeline.configuration import sort_words
 from pipeline.contrast import figures, findings, page, tables
 from pipeline.contrast.contrasted import Contrast, contrast
@@ -49,9 +49,8 @@ def _refuse_loss(output: Path) -> None:
     """Raise InvalidInput where the answer would take the place of something that no earlier one has written."""
     refuse_foreign(output, [MARK])
     own = [PAGE, MARK, *(f"{TABLES}/{name}.csv" for name in tables.TABLES)]
-    there = [name for name in own if (output / name).exists()]
-    if there and not {PAGE, MARK} <= {*there}:
-        raise InvalidInput([f"output: {output} holds a {there[0]} that no earlier answer has written; name another"])
+    if not all((output / name).exists() for name in (PAGE, MARK)):
+        refuse_unwritten(output, own)
 
 
 def _study(name: str, value: str) -> Place:
