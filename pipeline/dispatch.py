@@ -10,7 +10,7 @@ from pipeline.cluster import KEPT, POLL, Workers
 from pipeline.errors import WorkersLost
 from pipeline.stopping import Stopping
 from pipeline.suspects import answer, tried_alone
-from pipeline.task import Record, Task, compute_chunk
+from pipeline.task import Record, Task, compute_chunk, kept
 
 #: Tasks handed out beyond those being computed, for each worker.
 WINDOW = 3
@@ -69,6 +69,9 @@ def _distributed(tasks: Iterable[Task], client: Client, stopping: Stopping, work
             if future.cancelled():
                 # By this run, which is to stop, or by whoever restarted the scheduler: then it is handed out again.
                 taken_away.append(task)
+                # It may have ended in the moment between the look at what had been begun and its end.
+                if stopping.asked and (record := kept(task)) is not None:
+                    yield record
             elif (record := answer(future)) is None:
                 suspects.append(task)
             else:

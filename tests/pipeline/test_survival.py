@@ -1,6 +1,8 @@
 """What a long run lives through: studies made anew under its workers, schedulers that restart, lost machines."""
 
 import shutil
+import signal
+import time
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +13,16 @@ from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
 from pipeline import metadata, store, verify
+from pipeline.chunks import Chunk
 from pipeline.cluster import open_client
-from pipeline.dispatch import dispatched
+from pipeline.dispatch import WINDOW, dispatched
 from pipeline.pack import pack
 from pipeline.places import Folder
 from pipeline.provenance import code_version
 from pipeline.settings import Cluster
 from pipeline.stopping import Stopping
 from pipeline.task import Task, compute_chunk
-from tests.pipeline.studies import CHUNKS, journal, lobes, study, sweep
+from tests.pipeline.studies import CHUNKS, PATIENCE, POLL, journal, lobes, study, sweep
 
 OTHER = "grid.spindle_speed_rpm={start: 5000, stop: 7000, count: 4}"
 PLAIN, SLOW = "tests.pipeline.standins:plain", "tests.pipeline.standins:slow"
@@ -28,6 +31,25 @@ PLAIN, SLOW = "tests.pipeline.standins:plain", "tests.pipeline.standins:slow"
 @pytest.fixture(autouse=True)
 def _without_report(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pipeline.report.write", lambda place: [])
+
+
+def pending_tasks(output: Path, kernel: str) -> list[Task]:
+    """Return the tasks of a study that has been made and of which nothing is computed."""
+    sweep(output)
+    place = Folder(output)
+    every = store.chunks(store.open_group(place))
+    for chunk in every:
+        store.mark_chunk(place, chunk, 0)
+    made = metadata.identity(place)
+    return [Task(place=place, chunk=chunk, kernel=kernel, made=made) for chunk in every]
+
+
+def await_written(place: Folder, chunks: list[Chunk]) -> None:
+    """Wait until chunks are in their store."""
+    end = time.monotonic() + PATIENCE
+    while not all(store.status_of(store.check(place), chunk).all() for chunk in chunks):
+        assert time.monotonic() < end
+        time.sleep(POLL)
 
 
 def test_a_study_made_anew_in_the_same_place_is_not_computed_by_what_lay_there_before(tmp_path: Path) -> None:
@@ -66,14 +88,7 @@ def test_results_without_their_record_are_not_written_over(tmp_path: Path) -> No
 
 
 def test_chunks_that_a_restarted_scheduler_has_forgotten_are_handed_out_again(tmp_path: Path) -> None:
-    sweep(tmp_path)
-    place = Folder(tmp_path)
-    every = store.chunks(store.open_group(place))
-    for chunk in every:
-        store.mark_chunk(place, chunk, 0)
-    made = metadata.identity(place)
-    tasks = (Task(place=place, chunk=chunk, kernel=SLOW, made=made) for chunk in every)
-    found = list[Any]()
+    tasks, found = pending_tasks(tmp_path, SLOW), list[Any]()
     with open_client(Cluster(kind="threads", workers=1)) as client:
         assert client is not None
         for record in dispatched(tasks, client, Stopping(), patience=60.0):
@@ -81,9 +96,24 @@ def test_chunks_that_a_restarted_scheduler_has_forgotten_are_handed_out_again(tm
                 # What becomes of futures when a scheduler restarts, or its connection is lost for a moment.
                 client.cancel([Future(key, client) for key in list(client.futures)])
             found.append(record.chunk)
-    assert sorted(found) == sorted(every)
+    assert sorted(found) == sorted(task.chunk for task in tasks)
     assert len(found) == CHUNKS
     assert (lobes(tmp_path)["status"] == 1).all()
+
+
+def test_a_chunk_that_ended_while_it_was_taken_back_is_told_of(tmp_path: Path) -> None:
+    """Otherwise the journal of a run that was stopped would lack what the store has."""
+    tasks, found, stopping = pending_tasks(tmp_path, PLAIN), list[Any](), Stopping()
+    begun = [task.chunk for task in tasks[: 1 + WINDOW]]
+    with open_client(Cluster(kind="threads", workers=1)) as client:
+        assert client is not None
+        for record in dispatched(tasks, client, stopping, patience=60.0):
+            if not found:
+                await_written(Folder(tmp_path), begun)
+                stopping.number = signal.SIGTERM
+                client.cancel([Future(key, client) for key in list(client.futures)])
+            found.append(record.chunk)
+    assert sorted(found) == sorted(begun)
 
 
 def test_a_file_that_a_lost_machine_left_empty_is_no_result(tmp_path: Path) -> None:
