@@ -18,6 +18,8 @@ ComplexArray = NDArray[np.complex128]
 AXES = ("x", "y")
 #: Eigenvectors that are worse conditioned than this lose half of all digits.
 WORST_CONDITION = 1e8
+#: No mode is damped more than this: damped critically it would be none.
+MOST_DAMPED = 0.9
 #: Fields of TipModes that are (speed, mode).
 OVER_SPEED = ("natural_frequency", "damping_ratio", "modal_mass", "tracking_confidence")
 
@@ -59,6 +61,12 @@ class TipModes:
         root = np.sqrt(factor)
         coupling = None if self.gyroscopic is None else self.gyroscopic * root[:, None] * root
         return replace(self, modal_mass=self.modal_mass * factor, gyroscopic=coupling)
+
+    def damped(self, factor: Array) -> "TipModes":
+        """Return the modes with damping ratios larger by factors (speed,), at most MOST_DAMPED."""
+        # A mode that was damped more is left as it was.
+        most = np.maximum(MOST_DAMPED, self.damping_ratio)
+        return replace(self, damping_ratio=np.minimum(self.damping_ratio * factor[:, None], most))
 
     def alone(self, label: int) -> "TipModes":
         """Return the one mode of each axis that bears a number."""

@@ -11,6 +11,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Campaign, CampaignModel, Responses, base_model, read_campaign
 from chatter_core.evidence.belief import PRIORS, Belief
 from chatter_core.evidence.campaign import MACHINE_FILE
+from chatter_core.evidence.cuts import machines_as_cut
 from chatter_core.machine import Machine
 from chatter_core.parameters import Array, Parameter
 from chatter_core.reading import printable, shown
@@ -101,6 +102,9 @@ def read(options: CampaignOptions, words: Words) -> Asked:
     else:
         content = _content_of(options, settings)
     model = model_of(campaign, content)
+    for term in model.terms:
+        if isinstance(term, Effect):
+            require(term, campaign)
     if options.model is not None:
         belief = model_file.belief_of(found, options.model, model)
     else:
@@ -125,20 +129,32 @@ def _settings_of(words: Words, machine_file: Path) -> Settings:
 def model_of(campaign: Campaign, content: model_file.Content) -> CampaignModel:
     """Return the model of a campaign that has a base and effects.
 
-    Raises InvalidInput when base, modes or an effect are not for the machine.
+    Raises InvalidInput when base or modes are not for the machine.
     """
     _require_parts(campaign.machine, content)
     own = content.effects_path
     effects = [effect_class(name, own)(**settings) for name, settings in content.effects.items()]
     effects.sort(key=lambda effect: effect.place())
-    for effect in effects:
-        effect.require(campaign.machine)
     model = base_model(campaign, tuple(effects))
     if content.base == "static_bearing":
         model = replace(model, terms=(Standstill(), *model.terms))
     if content.modes is not None:
         model = replace(model, cut_modes=content.modes, receptance_modes=content.modes)
     return model
+
+
+def require(effect: Effect, campaign: Campaign) -> None:
+    """Raise InvalidInput where an effect can act neither on the machine nor on any of its cuts.
+
+    Trials may state a process of their own.
+    """
+    refusals = list[InvalidInput]()
+    for machine in [campaign.machine, *machines_as_cut(campaign)]:
+        try:
+            return effect.require(machine)
+        except InvalidInput as error:
+            refusals.append(error)
+    raise refusals[0]
 
 
 def _require_parts(machine: Machine, content: model_file.Content) -> None:

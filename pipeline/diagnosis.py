@@ -31,7 +31,7 @@ from chatter_core.evidence.verdict import (
     tied_pairs,
 )
 from chatter_core.stages import Stages
-from pipeline.campaigns import settings_of
+from pipeline.campaigns import require, settings_of
 from pipeline.cluster import Workers
 from pipeline.corrections import Corrections
 from pipeline.jobs import Job, spread
@@ -208,9 +208,11 @@ def _lacking(content: Content) -> list[str]:
 def _hindrance(effect: Effect, model: CampaignModel) -> str:
     """Return why an effect cannot act on a machine, "" where it can."""
     try:
-        effect.require(model.campaign.machine)
+        require(effect, model.campaign)
     except InvalidInput as error:
         return " ".join(problem.removeprefix(f"effects.{effect.name()}: ") for problem in error.problems)
+    if RESTORING.get(effect.name()) == "modes" and int(settings_of(effect)["modes"]) <= model.cut_modes:
+        return f"restores modes that are there: the model keeps {model.cut_modes} of an axis"
     return ""
 
 

@@ -124,7 +124,7 @@ def errors(found: Diagnosis) -> dict[str, Any]:
         quantity: {
             "unit": ERRORS[quantity][0],
             "meaning": ERRORS[quantity][1],
-            **{name: float(scores[quantity].value) for name, scores in found.held_out.items() if quantity in scores},
+            **{name: plain(scores[quantity].value) for name, scores in found.held_out.items() if quantity in scores},
         }
         for quantity in ERRORS
         if any(quantity in scores for scores in found.held_out.values())

@@ -27,6 +27,13 @@ def tip_machine(**process):
     )
 
 
+def machine_of_modes(count):
+    """So many measured modes of either axis, and otherwise ``tip_machine``."""
+    mode = {"damping_ratio": 0.03, "stiffness_n_um": 10.0}
+    modes = [{"axis": axis, "natural_frequency_hz": 400.0 * (i + 1), **mode} for axis in "xy" for i in range(count)]
+    return Machine.model_validate({**tip_machine().described(), "tip": {"modes": modes}})
+
+
 def trials(spindle_speed, axial_depth, **stated):
     """Trials at speeds [rad/s] and depths [m], all stable and silent unless ``stated`` says otherwise."""
     count = len(spindle_speed)

@@ -6,10 +6,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from chatter_core.effects._base import Effect, Setting
+from chatter_core.errors import InvalidInput
 from chatter_core.machine import Machine
 from chatter_core.parameters import Array, Parameter
 from chatter_core.stages import KnownModes
-from chatter_core.tip import TipModes
+from chatter_core.tip import TipModes, most_modes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +38,13 @@ class HigherModes(Effect):
             prior_width=1.0, lower=0.0, upper=1.0,
         ),
     )  # fmt: skip
+
+    def _check(self, machine: Machine) -> None:
+        """Raise InvalidInput where fewer modes were measured."""
+        most = self.modes if machine.tip is None else most_modes(machine.tip)
+        if self.modes > most:
+            found = f"modes is {self.modes}, allowed: up to {most}, as many as were measured of an axis"
+            raise InvalidInput([f"effects.{self.name()}: {found}"])
 
     def transform(self, before: Any, machine: Machine, values: tuple[float, ...]) -> Any:
         """Return the tip's modes with higher ones."""

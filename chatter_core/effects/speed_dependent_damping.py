@@ -1,6 +1,6 @@
 """Modal damping that changes with speed."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,9 +10,6 @@ from chatter_core.machine import Machine
 from chatter_core.parameters import Array, Parameter
 from chatter_core.stages import KnownModes
 from chatter_core.tip import TipModes
-
-#: No mode is damped more than this.
-MOST_DAMPED = 0.9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,9 +40,6 @@ class SpeedDependentDamping(Effect):
 
         def tip_modes(known: KnownModes, spindle_speed: Array, mode_count: int) -> TipModes:
             modes: TipModes = before(known, spindle_speed, mode_count)
-            factor = np.exp(change * spindle_speed / REFERENCE_SPEED)[:, None]
-            # A mode that was damped more is left as it was.
-            most = np.maximum(MOST_DAMPED, modes.damping_ratio)
-            return replace(modes, damping_ratio=np.minimum(modes.damping_ratio * factor, most))
+            return modes.damped(np.exp(change * spindle_speed / REFERENCE_SPEED))
 
         return tip_modes

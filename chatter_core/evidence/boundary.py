@@ -18,10 +18,10 @@ from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.cuts import SMALLEST_RADIUS
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.prediction import CampaignModel
-from chatter_core.evidence.stages import Indices, Stages
 from chatter_core.lobes import lobe_block
 from chatter_core.machine import Machine
 from chatter_core.stability import branches, critical_multipliers
+from chatter_core.stages import Indices, Stages
 
 #: Speeds and depths of a field, and of the coarser one over which its deviation is known.
 GRID, COARSE_GRID = (320, 96), (120, 36)

@@ -37,6 +37,7 @@ from chatter_core.evidence.measured import (
 from chatter_core.evidence.table import Rows, read_table
 from chatter_core.evidence.uff import UFF_ENDINGS, read_uff
 from chatter_core.machine import Machine
+from chatter_core.parameters import Array
 from chatter_core.reading import near_path, printable, read_machine
 from chatter_core.units import si_factor
 
@@ -86,6 +87,19 @@ class Campaign(ShownAsCard):
         rows += [(name, f"{len(table.spindle_speed)} rows") for name, table in tables.items() if table is not None]
         rows += [("remark", remark) for remark in self.remarks[:SHOWN]]
         return Card(title="Campaign", rows=tuple(rows))
+
+    @property
+    def cut_speeds(self) -> Array:
+        """Spindle speeds [rad/s] of trial cuts, then of limiting depths, (cut,)."""
+        tables = [table.spindle_speed for table in (self.trials, self.limits) if table is not None]
+        return np.concatenate([np.empty(0), *tables])
+
+    @property
+    def cut_depths(self) -> Array:
+        """Axial depths [m] of trial cuts, then limiting depths, (cut,)."""
+        tried = [] if self.trials is None else [self.trials.axial_depth]
+        limits = [] if self.limits is None else [self.limits.limit_depth]
+        return np.concatenate([np.empty(0), *tried, *limits])
 
     @property
     def extreme_preloads(self) -> tuple[float, ...]:

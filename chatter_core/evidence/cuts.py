@@ -12,10 +12,10 @@ from chatter_core.evidence.columns import NO_WORD
 from chatter_core.evidence.margin import FARTHEST, followed_margins, margins
 from chatter_core.evidence.measured import DIRECTIONS, Trials
 from chatter_core.evidence.parameters import Array
-from chatter_core.evidence.stages import Indices, Stages
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import Machine
 from chatter_core.stability import critical_multipliers, evaluate, motions
+from chatter_core.stages import Indices, Stages
 
 #: Spectral radii below this are as good as none.
 SMALLEST_RADIUS = 1e-30
@@ -225,6 +225,15 @@ def _by_preload(campaign: Campaign, speed: Array) -> Iterator[tuple[Machine, Ind
     for value in np.unique(preload):
         points = np.flatnonzero(np.isnan(preload) if np.isnan(value) else preload == value)
         yield (machine if np.isnan(value) else machine.with_preload(float(value))), points
+
+
+def machines_as_cut(campaign: Campaign) -> list[Machine]:
+    """Return the machine in every process in which it has cut, none where nothing was cut.
+
+    See docs/physics.md#comparison.
+    """
+    points = np.arange(len(campaign.cut_speeds))
+    return [machine for machine, _ in _by_process(campaign, campaign.machine, points)]
 
 
 def _by_process(campaign: Campaign, machine: Machine, points: Indices) -> Iterator[tuple[Machine, Indices]]:

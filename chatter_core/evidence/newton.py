@@ -152,8 +152,8 @@ class Climb:
     ) -> Maximum:
         """Climb to near a maximum, where a step promises less than ``smallest_gain`` [nats], with one Jacobian.
 
-        known: Jacobian (coordinate, parameter) not far from the start, in units of the priors' widths, of which the
-        columns ``added`` (parameter,) are missing; without it, all are. What is missing is found at the start. The
+        known: Jacobian (coordinate, parameter) not far from the start, in units of the priors' widths; ``added``:
+        (parameter,), whose columns it lacks; without a Jacobian all are. What is missing is found at the start. The
         Jacobian is corrected by what every step shows, and found anew where steps fall. What then promises to end below
         ``least`` is given up.
         """
@@ -207,15 +207,17 @@ class Climb:
         step = self._cut(_step(gradient, information, self.free & ~self._held(values, gradient), 0.0)[0])
         return float(gradient @ step - 0.5 * step @ information @ step)
 
-    def stay(self, values: Array, known: Array, added: NDArray[np.bool_]) -> Maximum:
+    def stay(self, values: Array, known: Array, added: NDArray[np.bool_] | None = None) -> Maximum:
         """Return values (parameter,) as where a climb ended; known and added: as for ``approach``."""
         here = self.place(values)
         return self._near(here, self._jacobian(here, known, added))
 
     def _jacobian(self, here: Place, known: Array | None, added: NDArray[np.bool_] | None) -> Array:
         """Return a Jacobian (coordinate, parameter) of which some columns are found and others may be known."""
-        found = self.derivatives(here.values, here.evaluation, self.width, added)[0]
-        return found if known is None else found + known
+        if known is None:
+            return self.derivatives(here.values, here.evaluation, self.width)[0]
+        missing = np.zeros_like(self.free) if added is None else added
+        return self.derivatives(here.values, here.evaluation, self.width, missing)[0] + known
 
     def _near(self, here: Place, jacobian: Array) -> Maximum:
         gradient, information = self.expected(here.values, here.evaluation, jacobian)

@@ -109,8 +109,8 @@ def next_receptances(one: Hypothesis, other: Hypothesis) -> list[NextMeasurement
 def _planned(campaign: Campaign) -> list[Receptance]:
     """Return the responses that may be measured; their values are not known."""
     speeds = [0.0]
-    if campaign.trials is not None:
-        highest = float(campaign.trials.spindle_speed.max())
+    if len(campaign.cut_speeds):
+        highest = float(campaign.cut_speeds.max())
         speeds += [0.5 * highest, highest]
     frequency = campaign.receptances[0].frequency if campaign.receptances else FREQUENCIES
     return [

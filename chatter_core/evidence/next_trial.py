@@ -41,9 +41,9 @@ def next_trial(one: Hypothesis, other: Hypothesis, **stated: float) -> NextTrial
     See docs/physics.md#diagnosis.
     """
     campaign = one.comparison.model.campaign
-    if campaign.trials is None:
+    if not len(campaign.cut_speeds):
         return None
-    plan = _plan(campaign.trials, stated)
+    plan = _plan(campaign.cut_speeds, campaign.cut_depths, stated)
     first, second = (expected_chatter(hypothesis, plan) for hypothesis in (one, other))
     gain = 0.5 * (first - second) * (_logit(first) - _logit(second))
     best = int(np.nan_to_num(gain).argmax())
@@ -55,10 +55,10 @@ def next_trial(one: Hypothesis, other: Hypothesis, **stated: float) -> NextTrial
     )
 
 
-def _plan(trials: Trials, stated: Mapping[str, float]) -> Trials:
-    """Return cuts over the range of some, set up as the machine is but for what is stated."""
-    speed = np.linspace(trials.spindle_speed.min(), trials.spindle_speed.max(), SPEEDS)
-    depth = np.geomspace(trials.axial_depth.min(), trials.axial_depth.max(), DEPTHS)
+def _plan(speeds: Array, depths: Array, stated: Mapping[str, float]) -> Trials:
+    """Return cuts over the range of some (cut,), set up as the machine is but for what is stated."""
+    speed = np.linspace(speeds.min(), speeds.max(), SPEEDS)
+    depth = np.geomspace(depths.min(), depths.max(), DEPTHS)
     grid = [axis.ravel() for axis in np.meshgrid(speed, depth, indexing="ij")]
     nothing = np.full(len(grid[0]), np.nan)
     setting = {name: np.full(len(grid[0]), value) for name, value in stated.items()}

@@ -16,8 +16,8 @@ from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.columns import bounds_of
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.parameters import Array, Parameter, Touches
-from chatter_core.evidence.stages import Stages
 from chatter_core.machine import Description, Machine
+from chatter_core.stages import Stages
 from chatter_core.units import si_factor
 
 D = TypeVar("D", bound=Description)

@@ -12,10 +12,10 @@ from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.cuts import CutPrediction, Cuts, cuts_of, predict_cuts, together
 from chatter_core.evidence.nuisances import SENSOR, machine_nuisances, measurement_parameters
 from chatter_core.evidence.parameters import Array, Parameter, column
-from chatter_core.evidence.stages import ComplexArray, Stages, Term, apply_terms
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import Machine
 from chatter_core.stability import Stability, evaluate, without_result
+from chatter_core.stages import ComplexArray, Stages, Term, apply_terms
 from chatter_core.tip import most_modes
 
 #: Modes of an axis in the cut, and in a receptance, whose lines between the peaks feel all that lie above.

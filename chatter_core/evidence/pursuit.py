@@ -253,7 +253,7 @@ def most_promising(hypothesis: Hypothesis, starts: Sequence[Array]) -> list[Arra
     comparison, fit, own = hypothesis.comparison, hypothesis.fit, hypothesis.candidates[-1].term.parameters
     climb, known = Climb(comparison, ~fit.fixed), slope_of(hypothesis)
     added = np.array([parameter in own for parameter in comparison.parameters])
-    here = climb.stay(fit.estimate, known, np.zeros_like(added))
+    here = climb.stay(fit.estimate, known)
     worth = Worth(climb, here, known, added)
     return sorted(starts, key=lambda start: -worth.of(start))[:CLIMBED]
 

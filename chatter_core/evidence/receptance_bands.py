@@ -11,7 +11,7 @@ from chatter_core.evidence.bands import CHANCE
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.measured import Receptance, measuring_ranges
 from chatter_core.evidence.prediction import Prediction
-from chatter_core.evidence.stages import ComplexArray, Indices
+from chatter_core.stages import ComplexArray, Indices
 from chatter_core.units import si_factor
 
 

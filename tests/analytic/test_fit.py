@@ -167,6 +167,19 @@ def test_an_approach_goes_on_with_a_jacobian_that_is_known_and_finds_what_is_mis
     assert near == pytest.approx(maximise(problem, [start], free, smallest_gain=1e-9).values, abs=1e-3)
 
 
+def test_an_approach_with_a_jacobian_that_lacks_nothing_takes_no_difference():
+    problem, asked = counted(linear()[0])
+    climb, start = Climb(problem, np.ones(3, dtype=bool)), np.array([0.05, 0.5, -0.2])
+    whole = climb.derivatives(start, problem.evaluate(start), climb.width)[0]
+    asked.clear()
+    near = climb.approach(start, 1e-6, whole).values
+    # The start, the step that a linear problem needs, and one that tells that it ended.
+    assert len(asked) <= 3
+    assert near == pytest.approx(maximise(problem, [start], climb.free, smallest_gain=1e-9).values, abs=1e-3)
+    # A Jacobian that was given is not written into.
+    assert np.array_equal(whole, climb.derivatives(start, problem.evaluate(start), climb.width)[0])
+
+
 def test_what_jumps_in_a_step_is_told_and_corrects_nothing():
     jacobian = np.array([[1.0, 0.0], [0.0, 2.0], [1.0, 1.0]])
     jumped = newton._correct(jacobian, np.array([0.5, 10.0, 0.7]), np.array([0.5, 0.0]))

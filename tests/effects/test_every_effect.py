@@ -23,7 +23,7 @@ from chatter_core.machine import Machine
 from chatter_core.reading import load_yaml
 from chatter_core.stability import critical_multipliers
 from chatter_core.stages import Stages
-from tests.synthetic import tip_machine
+from tests.synthetic import machine_of_modes
 
 VALUES = Path(__file__).parents[2] / "configs" / "effects"
 METHOD = MethodSettings(name="collocation", tolerance=1e-4)
@@ -156,7 +156,7 @@ def test_an_effect_survives_pickling(name: str, reference_machine: Machine):
 
 @EVERY
 def test_a_machine_of_measured_modes_is_told_what_is_missing(name: str):
-    kind, machine = effect_class(name), tip_machine()
+    kind, machine = effect_class(name), machine_of_modes(4)
     if kind.needs:
         with pytest.raises(InvalidInput, match=rf"effects.{name}: acts on spindle and bearing; this machine has"):
             apply_effects(machine, [configured(name)])

@@ -5,6 +5,7 @@ import io
 import json
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,8 @@ import yaml
 
 from chatter_core.evidence import base_model, read_campaign
 from chatter_core.evidence.belief import PRIORS
-from pipeline import improvement_figure, improvement_page
+from chatter_core.evidence.scores import Score
+from pipeline import diagnosis_document, improvement_figure, improvement_page
 from pipeline.__main__ import main
 from pipeline.comparison_page import PLOTTED
 from pipeline.improvement import row_as_described
@@ -202,3 +204,11 @@ def test_too_few_cuts_to_judge_by_are_counted(tmp_path, capsys, verb):
     )
     said = refused(capsys, verb, f"campaign={few}", f"output={tmp_path / 'out'}")
     assert said.startswith("error: campaign: found 2 cuts and 1 receptance of fewer than 8 lines; needed to judge")
+
+
+def test_an_error_that_is_not_known_is_null(tmp_path: Path):
+    """A limiting depth at a speed that is outside of the model's validity has none."""
+    unknown = Score(value=float("nan"), low=float("nan"), high=float("nan"), count=1)
+    told = diagnosis_document.errors(SimpleNamespace(held_out={"none": {"limit_depth": unknown}}))
+    assert told["limit_depth"]["none"] is None
+    diagnosis_document.write(told, tmp_path / "diagnosis.json")

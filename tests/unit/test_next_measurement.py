@@ -9,7 +9,7 @@ from chatter_core.effects import variants
 from chatter_core.evidence import CampaignModel, Comparison, base_model, calibrate
 from chatter_core.evidence.candidates import Candidate, Hypothesis, carried, extended
 from chatter_core.evidence.fit import fit
-from chatter_core.evidence.measured import OUTCOMES
+from chatter_core.evidence.measured import OUTCOMES, Limits
 from chatter_core.evidence.next_measurement import AT_REST, TURNING, divergence, next_receptances, other_cuts
 from chatter_core.evidence.next_trial import next_trial
 from tests.synthetic import RPM, campaign, tip_machine, trials
@@ -112,3 +112,17 @@ def test_a_cut_with_another_width_is_planned_so(base):
     thin = at(base, "radial_immersion_error", error=0.2)
     wide, narrow = (next_trial(base, thin, radial_immersion=width) for width in (0.75, 0.25))
     assert (wide.spindle_speed, wide.axial_depth) != (narrow.spindle_speed, narrow.axial_depth)
+
+
+def test_limiting_depths_are_cuts_by_whose_range_the_next_one_is_planned(base):
+    speed, depth = np.array([900.0, 1500.0, 2500.0]) * RPM, np.array([2e-3, 4e-3, 8e-3])
+    measured = Limits(spindle_speed=speed, limit_depth=depth, uncertainty=0.1 * depth)
+    comparison = Comparison(model=base_model(campaign(tip_machine(), limits=measured)))
+    alone = Hypothesis(candidates=(), comparison=comparison, fit=calibrate(comparison))
+    ploughing = at(alone, "process_damping", coefficient_n_m=3e5)
+    cut = next_trial(sure(alone), ploughing)
+    assert speed[0] <= cut.spindle_speed <= speed[-1]
+    assert depth[0] <= cut.axial_depth <= depth[-1]
+    assert cut.expected_gain > 1.0
+    turning = {one.spindle_speed for one in next_receptances(sure(alone), ploughing)}
+    assert turning == {0.0, 0.5 * speed[-1], speed[-1]}

@@ -11,7 +11,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.evidence import base_model, read_campaign
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.nuisances import log_bounds, machine_nuisances, measurement_parameters, scaled
-from chatter_core.evidence.stages import Stages, apply_terms
+from chatter_core.stages import Stages, apply_terms
 from tests.synthetic import campaign, receptance, tip_machine, trials
 
 CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"

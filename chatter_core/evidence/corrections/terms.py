@@ -11,13 +11,10 @@ from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.corrections.curve import Curve, curve_over
 from chatter_core.evidence.parameters import Array, Parameter, Touches
 from chatter_core.evidence.prediction import CampaignModel
-from chatter_core.evidence.stages import Stages
 from chatter_core.machine import Machine, Spindle
-from chatter_core.stages import KnownModes
+from chatter_core.stages import KnownModes, Stages
 from chatter_core.tip import TipModes
 
-#: No mode is damped more than this: damped critically it would be none.
-MOST_DAMPED = 0.9
 #: Width of ln(factor) before the data. At one width of their priors the effects that are known change the damping by
 #: 0.3 at 10 000 rpm and the force by 0.15 ln(10), or 0.35, over a decade of speed: a factor of 1.5 is usual here. A
 #: bearing's stiffness goes with the cube root of its preload, as a Hertzian contact's does: preload that doubles, which
@@ -85,10 +82,7 @@ def _damped_modes(stages: Stages, factor: Factor) -> Stages:
     before = stages.tip_modes
 
     def tip_modes(known: KnownModes, spindle_speed: Array, mode_count: int) -> TipModes:
-        modes = before(known, spindle_speed, mode_count)
-        # A mode that was damped more is left as it was.
-        most = np.maximum(MOST_DAMPED, modes.damping_ratio)
-        return replace(modes, damping_ratio=np.minimum(modes.damping_ratio * factor(spindle_speed)[:, None], most))
+        return before(known, spindle_speed, mode_count).damped(factor(spindle_speed))
 
     return replace(stages, tip_modes=tip_modes)
 
@@ -245,10 +239,9 @@ def measured_places(campaign: Campaign, quantity: Quantity, axis: Axis) -> Array
 
 def _speeds(campaign: Campaign, *, uncut: bool) -> Array:
     """Return all spindle speeds of cuts (any,) [rad/s], and those at which anything else was measured."""
-    tables = [campaign.trials, campaign.limits]
-    speeds = [table.spindle_speed for table in tables if table is not None]
+    speeds = [campaign.cut_speeds]
     if uncut:
         speeds.append(np.array([one.spindle_speed for one in campaign.receptances]))
         if campaign.natural_frequencies is not None:
             speeds.append(campaign.natural_frequencies.spindle_speed)
-    return np.concatenate([np.empty(0), *speeds])
+    return np.concatenate(speeds)
