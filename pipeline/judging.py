@@ -15,11 +15,12 @@ from threadpoolctl import threadpool_limits
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import CampaignModel
 from chatter_core.reading import shown
-from pipeline import comparison_document, diagnosis_document
+from pipeline import comparison_document, diagnosis_document, model_file
 from pipeline.answer_folder import refuse_foreign, refuse_unwritten, require_room, write_whole
 from pipeline.campaigns import Asked, options_of, read
 from pipeline.cluster import Workers, open_client
 from pipeline.configuration import sort_words
+from pipeline.fitted_cuts import marks
 from pipeline.json_text import parsed
 from pipeline.locking import held_for_results
 from pipeline.telling import complain, fact, say, wrote
@@ -98,10 +99,19 @@ def _refuse_loss(verb: Verb[Found], output: Path, options: JudgingOptions, asked
             refuse_unwritten(output, [document])
         if before not in (None, asked.name):
             raise InvalidInput([f"output: {output} holds the answer for campaign {shown(before)}; name another folder"])
+    _refuse_namesake(output, asked)
     refuse_foreign(output, DOCUMENTS)
     require_room(output, verb.files)
     if not any((output / document).exists() for document in DOCUMENTS):
         refuse_unwritten(output, verb.files)
+
+
+def _refuse_namesake(output: Path, asked: Asked) -> None:
+    """Raise InvalidInput where the answer is for a campaign of the same name that has none of these cuts."""
+    own, fitted = marks(asked.model.campaign), model_file.cuts_in(output / MODEL)
+    if own and fitted and not {*own} & {*fitted}:
+        other = f"another campaign that is called {shown(asked.name)}: it has none of these cuts"
+        raise InvalidInput([f"output: {output} holds the answer for {other}; name another folder"])
 
 
 def _campaign_of(document: Path) -> str | None:

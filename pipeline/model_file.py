@@ -159,6 +159,15 @@ def read(path: Path, machine: Machine, own: Path | None = None) -> ModelFile:
     return found
 
 
+def cuts_in(path: Path) -> list[str]:
+    """Return the marks of the cuts that the model in a file was fitted to, none where they cannot be read."""
+    try:
+        found = load_yaml(path).get("fitted_cuts")
+    except InvalidInput:
+        return []
+    return [*map(str, found)] if isinstance(found, list) else []
+
+
 def _effect_problems(name: str, settings: dict[str, Any], own: Path | None) -> list[str]:
     """Return what is wrong with an effect of a model file."""
     if own is None and name not in effect_names():

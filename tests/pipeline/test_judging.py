@@ -28,6 +28,8 @@ OTHERS = {"compare": "trials.csv", "diagnose": "figures/lobes.png", "improve": "
 MARKS = {"compare": "comparison.json", "diagnose": "diagnosis.json", "improve": "diagnosis.json"}
 #: The least that an earlier answer to the campaign of these tests says.
 EARLIER = json.dumps({"campaign": "quick"})
+#: Columns of limiting depths.
+LIMITS = "spindle_speed_rpm,limit_depth_mm,uncertainty_mm\n"
 every_verb = pytest.mark.parametrize("verb", list(FILES))
 
 
@@ -81,6 +83,22 @@ def test_an_answer_is_not_written_over_that_of_another_campaign(tmp_path, capsys
     (tmp_path / document).write_text(json.dumps({"campaign": "r02"}))
     said = refused(capsys, verb, f"campaign={quick}", f"output={tmp_path}")
     assert "holds the answer for campaign 'r02'" in said
+
+
+def test_an_answer_is_not_written_over_that_of_a_namesake(tmp_path, capsys, quick):
+    output, namesake = tmp_path / "out", tmp_path / "elsewhere" / "quick"
+    (quick / "limits.csv").write_text(LIMITS + "9000,1.0,0.1\n10000,1.0,0.1\n")
+    main(["compare", f"campaign={quick}", f"output={output}", SERIAL])
+    before = (output / "comparison.json").read_bytes()
+    shutil.copytree(quick, namesake)
+    (namesake / "limits.csv").write_text(LIMITS + "9000,1.1,0.1\n")
+    words = ("compare", f"campaign={namesake}", f"output={output}", SERIAL)
+    assert "another campaign that is called 'quick': it has none of these cuts" in refused(capsys, *words)
+    assert (output / "comparison.json").read_bytes() == before
+    # A campaign that has grown, or lost a row, is the same one.
+    (namesake / "limits.csv").write_text(LIMITS + "9000,1.1,0.1\n10000,1.0,0.1\n")
+    main(list(words))
+    assert (output / "comparison.json").read_bytes() != before
 
 
 @every_verb
