@@ -1,14 +1,14 @@
 """Who cuts what while the cut itself moves the tool: the motion that unlike teeth force, and who meets the work on it.
 
-Teeth of unlike radii remove unlike chips. Their force repeats with the revolution and moves the tip by w(t); the tip
-carries the teeth along, so that of the chips
+Teeth of unlike radii or pitches remove unlike chips. Their force repeats with the revolution and moves the tip by w(t);
+the tip carries the teeth along, so that of the chips
 
     h_k = f t_k sin(theta) + R_i - R_(i+k) + n(theta) . [w(t) - w(t - tau_k)],   n = (sin(theta), cos(theta))
 
 tooth i removes the least, where that is positive (``chatter_core.teeth``). Who cuts what hangs on the motion, and the
 motion on who cuts what: ``chatter_core.forced_motion`` finds both.
 
-Teeth of one radius are moved alike, and their motion drops out of all chips: nothing is to be found.
+Teeth that are all alike are moved alike, and their motion drops out of all chips: nothing is to be found.
 
 Sources: J. Tlusty, F. Ismail, CIRP Ann. 30 (1981) 299-304 (chips on the motion, loss of contact); T. Insperger, B. P.
 Mann, T. Surmann, G. Stepan, Int. J. Mach. Tools Manuf. 48 (2008) 1081-1089 (stability about the motion that runout
@@ -43,8 +43,11 @@ Array = NDArray[np.float64]
 
 #: Samples of the force in a mean pitch, and how much finer the motion is.
 SAMPLES, FINER = 32, 3
-#: Slices of a helical edge: parts of it that are in contact for themselves.
-SLICES = 2
+#: Slices of a helical edge, parts of it that are in contact for themselves: so many at least and at most, and no wider
+#: than this [rad], nor than this share of the arc in the work.
+FEWEST, MOST, WIDEST, SHARE_OF_ARC = 2, 16, 0.5, 0.5
+#: Fields of passages that all points share.
+OF_PASSAGES = ("ahead", "pitches", "longer", "lower", "upper")
 #: Stretches of a revolution on which one edge follows one other, at most; the motion may part one into several.
 STRETCHES = 4
 #: Halvings of the interval in which a stretch ends.
@@ -83,51 +86,91 @@ def forced_contact(
     See docs/physics.md#forced-motion.
     """
     count, lag = len(teeth.pitch), np.asarray(cut.lag_angle)
-    slices = SLICES if cut.tool.helix_angle > 0.0 else 1
     passed = np.array([np.cumsum(np.roll(teeth.pitch, -tooth)) for tooth in range(count)])
     longer = np.array([teeth.radius[tooth] - np.roll(teeth.radius, -tooth - 1) for tooth in range(count)])
     ahead = 2.0 * math.pi / count * np.concatenate([[0.0], np.cumsum(teeth.pitch)[:-1]])
     speed = np.empty(len(system.state_matrix))
     speed[system_index] = cut.spindle_speed
-    points = len(lag)
-    begin = np.zeros((points, count * slices, count, STRETCHES))
-    end, found = np.zeros_like(begin), np.zeros(points, dtype=np.bool_)
-    motion = np.zeros((points, 2, count * SAMPLES * FINER))
+    motion, found = np.zeros((len(lag), 2, count * SAMPLES * FINER)), np.zeros(len(lag), dtype=np.bool_)
     revolution, half = 2.0 * math.pi / speed, system.half_spectrum
     fine = periodic_answer(system, revolution, count * SAMPLES, FINER)
-    _meet(
+    moved = (
         Modes(half.poles, half.seen, half.driven),
         revolution,
         answer(fine[:, ::FINER], passed * SAMPLES),
         answer(periodic_answer(system, revolution, count * COARSE), passed * COARSE),
         twice(fine),
-        system_index,
-        lag,
-        cut.axial_depth / slices,
-        np.broadcast_to(np.asarray(cut.coefficients.tangential, dtype=float), (points,)),
-        np.broadcast_to(np.asarray(cut.coefficients.radial, dtype=float), (points,)),
-        ahead,
-        passed,
-        longer,
-        feed_per_tooth,
-        engagement.entry,
-        engagement.exit,
-        motion,
-        begin,
-        end,
-        found,
     )
-    return Contact(
-        passages=_listed(begin, end, ahead, passed, longer, slices, teeth.repeat),
-        motion=motion.swapaxes(1, 2),
-        found=found,
+    tangential, radial = (
+        np.broadcast_to(np.asarray(one, dtype=float), lag.shape)
+        for one in (cut.coefficients.tangential, cut.coefficients.radial)
+    )
+    parts, number = list[tuple[NDArray[np.intp], Passages]](), slices_of(lag, engagement)
+    for slices in np.unique(number):
+        points = np.flatnonzero(number == slices)
+        begin = np.zeros((len(points), count * slices, count, STRETCHES))
+        end, motions, arrived = np.zeros_like(begin), motion[points], found[points]
+        _meet(
+            *moved,
+            system_index[points],
+            lag[points],
+            cut.axial_depth[points] / slices,
+            tangential[points],
+            radial[points],
+            ahead,
+            passed,
+            longer,
+            feed_per_tooth,
+            engagement.entry,
+            engagement.exit,
+            motions,
+            begin,
+            end,
+            arrived,
+        )
+        motion[points], found[points] = motions, arrived
+        parts.append((points, _listed(begin, end, ahead, passed, longer, int(slices), teeth.repeat)))
+    return Contact(passages=_together(parts, len(lag)), motion=motion.swapaxes(1, 2), found=found)
+
+
+def slices_of(lag: Array, engagement: Engagement) -> NDArray[np.intp]:
+    """Return into how many slices the edges of points (point,) are parted, by how far they lag over the depth [rad].
+
+    A number that hangs on the point alone: what is found for a cut is the same whatever else is asked with it.
+
+    See docs/physics.md#forced-motion.
+    """
+    widest = min(WIDEST, SHARE_OF_ARC * (engagement.exit - engagement.entry))
+    doublings = np.ceil(np.log2(np.maximum(lag / (FEWEST * widest), 1.0))).astype(np.intp)
+    return np.where(lag > 0.0, np.minimum(FEWEST * 2**doublings, MOST), 1)
+
+
+def _together(parts: list[tuple[NDArray[np.intp], Passages]], points: int) -> Passages:
+    """Return the passages of groups of points as those of all; a point has none of the other groups'."""
+    if len(parts) == 1:
+        return parts[0][1]
+
+    def spread(of: NDArray[np.intp], angles: Array) -> Array:
+        every = np.zeros((points, angles.shape[1]))
+        every[of] = angles
+        return every
+
+    told, first = [passages for _, passages in parts], parts[0][1]
+    shared = {name: np.concatenate([getattr(one, name) for one in told]) for name in OF_PASSAGES}
+    return Passages(
+        entry=np.concatenate([spread(of, passages.entry) for of, passages in parts], axis=1),
+        exit=np.concatenate([spread(of, passages.exit) for of, passages in parts], axis=1),
+        repeat=first.repeat,
+        teeth=first.teeth,
+        **shared,
     )
 
 
 def _listed(begin: Array, end: Array, ahead: Array, passed: Array, longer: Array, slices: int, repeat: int) -> Passages:
     """Return the stretches (point, edge, k, stretch) of the teeth until they repeat as passages, without empty ones."""
     kept = np.argwhere((end > begin).any(axis=0))
-    kept = kept[kept[:, 0] // slices < repeat]
+    # Of two teeth that are alike the later one left the lower surface, but for ties of rounding where chips vanish.
+    kept = kept[(kept[:, 0] // slices < repeat) & (kept[:, 1] < repeat)]
     edge, k, stretch = kept.T
     tooth = edge // slices
     return Passages(

@@ -8,7 +8,7 @@ import pytest
 
 from chatter_core import chain, contact, forced_motion
 from chatter_core.chain import milling_equation, structure
-from chatter_core.contact import FINER, SAMPLES, forced_contact
+from chatter_core.contact import FINER, SAMPLES, forced_contact, slices_of
 from chatter_core.cutting import CuttingGain
 from chatter_core.effects import activate, apply_effects
 from chatter_core.evidence.prediction import FITTING_METHOD
@@ -134,26 +134,106 @@ def simulated(machine: Machine, runout_um: float, rpm: float, depth_mm: float, p
     return ends, built.modes
 
 
-@pytest.mark.parametrize(("runout_um", "rpm", "depth_mm"), CASES)
-def test_growth_is_that_about_the_forced_motion(runout_um, rpm, depth_mm, reference_machine: Machine, monkeypatch):
-    stages, depth, point = model(reference_machine, runout_um), np.array([depth_mm * 1e-3]), np.array([0])
-    built = structure(stages, np.array([rpm]) * RPM, mode_count=4)
+def growth(stages, built, depth_mm: float) -> float:
+    """Logarithm of the spectral radius per tooth period."""
+    depth = np.array([depth_mm * 1e-3])
+    return float(np.log(evaluate(stages, built, np.array([0]), depth, COLLOCATION, np.ones(1)).spectral_radius[0]))
 
-    def growth():
-        return float(np.log(evaluate(stages, built, point, depth, COLLOCATION, np.ones(1)).spectral_radius[0]))
 
-    about_the_motion = growth()
-    ends, modes = simulated(reference_machine, runout_um, rpm, depth_mm, 180)
+def growth_in_time(modes, ends) -> float:
+    """What a tooth period changes in the logarithm of how far a cut of four teeth is from repeating."""
     left = 0.5 * np.log(energy(modes, ends[4:] - ends[:-4]))[80:140, 0]
-    seen = np.polynomial.polynomial.polyfit(np.arange(len(left)), left, 1)[1]
-    # Steps of the simulation, and samples of the motion, change either by some per cent.
-    assert about_the_motion == pytest.approx(seen, rel=0.15)
+    return float(np.polynomial.polynomial.polyfit(np.arange(len(left)), left, 1)[1])
 
-    def unmoved(cut, *arguments):
+
+@pytest.fixture
+def unmoved(monkeypatch):
+    """Have the tip carry no tooth along, once it is called."""
+
+    def still(cut, *arguments):
         return replace(forced_contact(cut, *arguments), passages=cut.passages)
 
-    monkeypatch.setattr(chain, "forced_contact", unmoved)
-    assert abs(growth() - seen) > 0.045
+    return lambda: monkeypatch.setattr(chain, "forced_contact", still)
+
+
+@pytest.mark.parametrize(("runout_um", "rpm", "depth_mm"), CASES)
+def test_growth_is_that_about_the_forced_motion(runout_um, rpm, depth_mm, reference_machine: Machine, unmoved):
+    stages = model(reference_machine, runout_um)
+    built = structure(stages, np.array([rpm]) * RPM, mode_count=4)
+    about_the_motion = growth(stages, built, depth_mm)
+    ends, modes = simulated(reference_machine, runout_um, rpm, depth_mm, 180)
+    seen = growth_in_time(modes, ends)
+    # Steps of the simulation, and samples of the motion, change either by some per cent.
+    assert about_the_motion == pytest.approx(seen, rel=0.15)
+    unmoved()
+    assert abs(growth(stages, built, depth_mm) - seen) > 0.045
+
+
+#: Speed [rpm] and depth [mm] at which teeth of unlike pitch would chatter, or all but, if nothing moved.
+PITCHED = [(6000.0, 2.2), (9000.0, 2.2)]
+
+
+@pytest.mark.parametrize(("rpm", "depth_mm"), PITCHED)
+def test_pitches_alone_force_a_motion_that_counts(rpm, depth_mm, reference_machine: Machine, unmoved):
+    """Unlike pitches take unlike chips, and what those move parts teeth from the work where chips are thin."""
+    values = {"pattern": "linear", "variation": 0.12}
+    stages = apply_effects(reference_machine, [activate("variable_pitch", values)])
+    built = structure(stages, np.array([rpm]) * RPM, mode_count=4)
+    about_the_motion = growth(stages, built, depth_mm)
+    pitch = 1.0 + 0.12 * np.linspace(-0.5, 0.5, 4)
+    ends = simulate(
+        cutter(reference_machine, pitch=pitch), modes=modal(built), spindle_speed=np.array([rpm]) * RPM,
+        axial_depth=np.array([depth_mm * 1e-3]), periods=180, steps=200, slices=6,
+    )  # fmt: skip
+    seen = growth_in_time(built.modes, ends)
+    assert seen < -0.05
+    # Two parts of an edge, samples of the motion and steps of the simulation: see docs/physics.md#forced-motion.
+    assert about_the_motion == pytest.approx(seen, abs=0.03)
+    unmoved()
+    assert growth(stages, built, depth_mm) - seen > 0.08
+
+
+@pytest.fixture
+def finishing(reference_machine: Machine) -> Machine:
+    """A long edge of much helix in a thin cut: it lags over its depth by several times the arc in the work."""
+    update = {"diameter": 0.016, "helix_angle": math.radians(40.0)}
+    process = reference_machine.process.model_copy(update={"radial_immersion": 0.05, "feed_per_tooth": 5e-5})
+    tool = reference_machine.tool.model_copy(update=update)
+    return reference_machine.model_copy(update={"tool": tool, "process": process})
+
+
+#: Cuts of it with a runout of 40 um, speed [rpm] and depth [mm], that two slices told as the opposite of what they are.
+LONG_EDGES = [(9000.0, 24.0), (13000.0, 16.0)]
+
+
+def test_long_edges_in_thin_cuts_are_parted_into_enough_slices(finishing: Machine):
+    stages, place = model(finishing, 40.0), np.arange(4) * 0.5 * math.pi + math.radians(20.0)
+    speed, depth = np.array(LONG_EDGES).T * np.array([[RPM], [1e-3]])
+    built, point = structure(stages, speed, mode_count=4), np.arange(2)
+    told = np.log(evaluate(stages, built, point, depth, COLLOCATION, np.ones(2)).spectral_radius)
+    ends = simulate(
+        cutter(finishing, tuple(20e-6 * np.cos(place))), modes=modal(built), spindle_speed=speed, axial_depth=depth,
+        periods=200, steps=200, slices=24,
+    )  # fmt: skip
+    left = 0.5 * np.log(energy(built.modes, ends[4:] - ends[:-4]))
+    # One dies out as it is told to; the other goes on for good, as large as teeth that miss let it be.
+    assert told[0] == pytest.approx(growth_in_time(built.modes, ends[:, :1]), abs=0.02)
+    assert told[0] < 0.0 < told[1]
+    assert left[180, 1] == pytest.approx(left[100, 1], abs=0.1)
+
+
+def test_what_is_found_for_a_cut_hangs_on_no_other(finishing: Machine):
+    """Of cuts with unlike numbers of slices each has what it has alone."""
+    stages, depth = model(finishing, 40.0), np.array([2e-3, 5e-3, 12e-3, 24e-3])
+    built, first = structure(stages, np.array([9000.0]) * RPM, mode_count=4), np.zeros(4, dtype=np.intp)
+    slices = slices_of(2.0 * depth * math.tan(math.radians(40.0)) / 0.016, stages.engagement(finishing.process))
+    assert list(slices) == [2, 4, 8, 16]
+    together = evaluate(stages, built, first, depth, COLLOCATION, np.ones(4)).spectral_radius
+    alone = [
+        evaluate(stages, built, first[:1], depth[[i]], COLLOCATION, np.ones(1)).spectral_radius[0] for i in range(4)
+    ]
+    # Rounding of sums in another order.
+    assert together == pytest.approx(np.array(alone), rel=1e-9)
 
 
 def met_by(machine: Machine, runout_um: float, speed, depth):

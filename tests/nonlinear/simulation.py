@@ -21,7 +21,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Cutter:
-    """Tool and process of one simulation, in SI and radians; radius: what each tooth is longer by, none if empty."""
+    """Tool and process of one simulation, in SI and radians.
+
+    radius: what each tooth is longer by, none if empty; pitch: from each tooth to the one ahead, over the mean, all one
+    if empty.
+    """
 
     teeth: int
     diameter: float
@@ -32,6 +36,7 @@ class Cutter:
     tangential: float
     radial: float
     radius: tuple[float, ...] = ()
+    pitch: tuple[float, ...] = ()
 
 
 class ModalSteps:
@@ -101,7 +106,9 @@ def simulate(
     first_visit = (np.arange(steps * teeth) - 1) % steps + 1
     surface = np.broadcast_to((first_visit / steps - 1.0) * feed, angles.shape).copy()
     state, force = np.zeros((cases, frequency.shape[1], 2)), np.zeros((cases, 2))
-    offsets = steps * np.arange(teeth)
+    ahead = steps * np.cumsum([0.0, *(cutter.pitch or np.ones(teeth))])[:-1]
+    offsets = np.rint(ahead).astype(np.intp)
+    assert np.allclose(offsets, ahead), "teeth stand at whole steps"
     longer = np.array(cutter.radius or np.zeros(teeth))
 
     def look(at: NDArray[np.intp], tip: Array, passed: float) -> tuple[Array, Array, Array]:
@@ -117,7 +124,7 @@ def simulate(
     ends = np.empty((periods, *state.shape))
     for period in range(periods):
         for step in range(steps):
-            # A tooth is at place (count + steps * tooth); each returns to the place of the one before it.
+            # A tooth is at place (count + its offset); each returns to the place of the one before it.
             count = period * steps + step + 1
             at = (count + offsets) % (steps * teeth)
             passed = count / steps

@@ -39,8 +39,8 @@ class Outcome:
     amplitude: NDArray[np.float64]
 
 
-def cutter(machine, radius=()) -> Cutter:
-    """Return tool and process of a machine, its teeth longer by ``radius`` [m]."""
+def cutter(machine, radius=(), pitch=()) -> Cutter:
+    """Return tool and process of a machine, its teeth longer by ``radius`` [m] and ``pitch`` mean pitches apart."""
     force, arc = force_coefficients(machine.cutting, machine.tool), engagement(machine.process)
     return Cutter(
         teeth=machine.tool.teeth,
@@ -52,6 +52,7 @@ def cutter(machine, radius=()) -> Cutter:
         tangential=force.tangential,
         radial=force.radial,
         radius=tuple(radius),
+        pitch=tuple(pitch),
     )
 
 
