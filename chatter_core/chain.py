@@ -20,8 +20,9 @@ from chatter_core.contact import forced_contact
 from chatter_core.errors import InvalidInput
 from chatter_core.following import follow_modes, path_to
 from chatter_core.machine import Machine
-from chatter_core.stages import Stages, stages_of
-from chatter_core.variables import STRUCTURE
+from chatter_core.reading import shown
+from chatter_core.stages import Stages, seat_stiffness, stages_of
+from chatter_core.variables import MODAL_PARAMETERS, STRUCTURE
 
 Array = NDArray[np.float64]
 
@@ -66,10 +67,16 @@ def structure(
     number of the one mode that is kept alone. ``modal_parameters`` is ``dynamic`` (bearings at the
     spindle's speed) or ``static`` (bearings at standstill, whatever the speed).
 
-    Raises InvalidInput when the machine has fewer modes than asked for.
+    Raises InvalidInput when the machine has fewer modes than asked for, for a number of modes that is none, and for
+    parameters that are neither.
 
     See docs/physics.md#tool-tip.
     """
+    if modal_parameters not in MODAL_PARAMETERS:
+        allowed = ", ".join(MODAL_PARAMETERS)
+        raise InvalidInput([f"modal_parameters: found {shown(modal_parameters)}, allowed: {allowed}"])
+    if not isinstance(mode_count, int | np.integer) or mode_count < 1:
+        raise InvalidInput([f"mode_count: found {mode_count}, allowed: whole numbers from 1"])
     stages = stages_of(model)
     machine, bearing = stages.machine, None
     solved = np.ones(len(spindle_speed), dtype=bool)
@@ -113,6 +120,9 @@ def _bearings(
     for joint in stages.joints(rotor):
         loosens = joint.loosening(spindle_speed) != joint.loosening(np.zeros(1))
         felt = np.where(loosens, spindle_speed, felt)
+    # Whoever exchanges what the seats make of the bearings may have it hang on the speed.
+    if stages.seat_stiffness is not seat_stiffness:
+        felt = spindle_speed
     path, place = path_to(felt)
     return path, place, state_along(machine.bearing, law, path, rotor.preload_type)
 

@@ -23,6 +23,7 @@ from chatter_core.floquet import MethodSettings
 from chatter_core.lobes import lobe_block
 from chatter_core.machine import Machine
 from chatter_core.units import SUFFIXES
+from chatter_core.variables import WITH_RESULT
 
 Array = NDArray[np.float64]
 
@@ -34,7 +35,7 @@ class Lobes(ShownAsCard):
     spindle_speed_rpm (speed,); limit_depth_mm (speed, crossing): stability is lost at the first, third, ..., regained
     between, padded with NaN; chatter_frequency_hz and dominant_mode (speed,) at the first; natural_frequency_hz
     (speed, axis, mode) and radial_stiffness_n_um (speed,) of one bearing, NaN for measured modes; deepest_mm: down to
-    which limits were looked for.
+    which limits were looked for; known (speed,): whether they were found, False where the model has no answer.
     """
 
     spindle_speed_rpm: Array
@@ -44,19 +45,26 @@ class Lobes(ShownAsCard):
     natural_frequency_hz: Array
     radial_stiffness_n_um: Array
     deepest_mm: float
+    known: NDArray[np.bool_]
 
     @property
     def first_limit_mm(self) -> Array:
-        """The shallowest limit depth of each speed (speed,), NaN where the cut is stable down to the deepest."""
+        """The shallowest limit depth of each speed (speed,), NaN where none is found or known."""
         return self.limit_depth_mm[:, 0]
 
     def card(self) -> Card:
         """Return the shallowest and the deepest limit, and what chatters there."""
         speed, limit = self.spindle_speed_rpm, self.first_limit_mm
         title = f"Lobes at {len(speed)} spindle speeds, {speed[0]:g} to {speed[-1]:g} rpm"
+        lost = int((~self.known).sum())
+        if lost:
+            title += f"; no result at {lost} of them"
+        if lost == len(speed):
+            return Card(title=title, rows=())
         if not np.isfinite(limit).any():
             return Card(title=title, rows=((f"stable down to {self.deepest_mm:g} mm",),))
-        least, most = int(np.nanargmin(limit)), int(np.argmax(np.nan_to_num(limit, nan=self.deepest_mm)))
+        reached = np.where(self.known, np.nan_to_num(limit, nan=self.deepest_mm), -np.inf)
+        least, most = int(np.nanargmin(limit)), int(reached.argmax())
         return Card(title=title, rows=(self._row("shallowest", least), self._row("deepest", most)))
 
     def _row(self, name: str, at: int) -> tuple[str, ...]:
@@ -82,7 +90,7 @@ def stability_lobes(
     ``dynamic`` (bearings at speed) or ``static`` (at standstill); effects: those that are on, each with its values.
 
     Raises InvalidInput for speeds and depths that are not positive, an effect that is not known or cannot act on the
-    machine, and more modes than it has.
+    machine, more modes than it has or none, and modal parameters that are neither.
 
     See docs/physics.md#lobes.
     """
@@ -103,6 +111,9 @@ def stability_lobes(
         cells="adaptive",
         **shared,
     )
+    # What was searched in part, or chatters from the shallowest depths on, has no crossing either.
+    stable = (block.spectral_radius[:, -1] < 1.0) & (block.limits_complete == 1)
+    known = np.isfinite(block.limit_depth[:, 0]) | (stable & np.isin(block.status, WITH_RESULT).all(axis=1))
     return Lobes(
         spindle_speed_rpm=speed_rpm,
         limit_depth_mm=block.limit_depth / SUFFIXES["mm"][0],
@@ -111,4 +122,5 @@ def stability_lobes(
         natural_frequency_hz=found["natural_frequency"] / SUFFIXES["hz"][0],
         radial_stiffness_n_um=found["radial_stiffness"] / SUFFIXES["n_um"][0],
         deepest_mm=deepest_mm,
+        known=known,
     )

@@ -181,7 +181,14 @@ class _Path:
             solved[i] = reached is not None
             unknowns[i] = unknowns[i] if reached is None else reached
         # Where the path has ended, whatever Newton's method finds beyond is another path's.
-        return unknowns, np.logical_and.accumulate(solved) & (speeds < len(stations) * PATH_STEP)
+        holding = np.append(self._holds(stations, PATH_STEP * np.arange(len(stations), dtype=float)), False)
+        solved &= self._holds(unknowns, speeds) & (speeds < int(holding.argmin()) * PATH_STEP)
+        return unknowns, np.logical_and.accumulate(solved)
+
+    def _holds(self, unknowns: Array, speeds: Array) -> NDArray[np.bool_]:
+        """Return whether the ring is held at unknowns (n, 3) and speeds (n,): none of its stiffnesses is negative."""
+        stiffness = self.balance(unknowns, speeds).ring_stiffness()
+        return np.asarray((stiffness[:, 0, 0] > 0.0) & (stiffness[:, 1, 1] > 0.0))
 
     def balance(self, unknowns: Array, speeds: Array) -> BallBalance:
         """Return the balance at unknowns (n, 3) and speeds (n,)."""

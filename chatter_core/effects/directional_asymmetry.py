@@ -53,11 +53,13 @@ class DirectionalAsymmetry(Effect):
         return "seat_stiffness" if self.where == "seats" else self.stage
 
     def _check(self, machine: Machine) -> None:
-        """Raise InvalidInput where seats are asked for that a machine of measured modes lacks."""
+        """Raise InvalidInput where a machine of measured modes lacks what is asked for: seats, or modes of an axis."""
         if self.where == "seats" and machine.spindle is None:
             raise InvalidInput(
                 [f"effects.{self.name()}.where: found 'seats', but this machine has measured tip modes; allowed: modes"]
             )
+        if machine.tip is not None and all(mode.axis != self.axis for mode in machine.tip.modes):
+            raise InvalidInput([f"effects.{self.name()}.axis: found '{self.axis}', along which no mode was measured"])
 
     def repeats(self, machine: Machine) -> bool:
         """Return whether it is of modes that a spindle explains: seats say the same of them, and why."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from chatter_core.effects._base import Effect
+from chatter_core.errors import InvalidInput
 from chatter_core.machine import Machine
 from chatter_core.parameters import Array, Parameter
 
@@ -30,6 +31,14 @@ class GyroscopicCoupling(Effect):
             prior_width=1.0, lower=0.0, upper=3.0,
         ),
     )  # fmt: skip
+
+    def _check(self, machine: Machine) -> None:
+        """Raise InvalidInput for a rotor that is modelled without polar inertia."""
+        spindle = machine.spindle
+        if spindle is not None and spindle.beam == "euler_bernoulli" and not spindle.discs:
+            raise InvalidInput(
+                [f"effects.{self.name()}: beam euler_bernoulli has no rotary inertia, and there is no disc to have any"]
+            )
 
     def transform(self, before: Any, machine: Machine, values: tuple[float, ...]) -> Any:
         """Return the speed at which gyroscopic moments act."""

@@ -12,7 +12,7 @@ from chatter_core.parameters import Array, Parameter
 class RingExpansion(Effect):
     """u(n) = u_ref (n/n_ref)^2, n_ref = 10 000 rpm: the inner groove's centre moves outwards by u in Jones's balance.
 
-    A free ring grows by u = rho w^2 r^3/E, which is 0.7 um for a steel ring of 46 mm at 10 000 rpm; on its shaft
+    A free ring grows by u = rho w^2 r^3/E, which is 0.7 um for a steel ring of 52 mm at 10 000 rpm; on its shaft
     it grows with the shaft, by less. Elastic, no loss of fit. Valid as long as every ball touches both races.
 
     Source: T. A. Harris, M. N. Kotzalas, Advanced Concepts of Bearing Technology, 5th ed. (2007), chapter 3;

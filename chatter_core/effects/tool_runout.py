@@ -21,6 +21,7 @@ class ToolRunout(Effect):
     the feed misses, at some angles or at all, and the next one then cuts what was left two pitches ago or more. The
     motion that uneven chips force takes part in that (``chatter_core.contact``). Where every tooth cuts everywhere,
     runout changes nothing here. Valid for an offset of the axis; its tilt would change along the edge.
+    Teeth of unlike pitch are given the radii of equal ones.
 
     Source: W. A. Kline, R. E. DeVor, Int. J. Mach. Tool Des. Res. 23 (1983) 123-140; T. Insperger et al., Int. J.
     Mach. Tools Manuf. 48 (2008) 1081-1089.
@@ -37,7 +38,7 @@ class ToolRunout(Effect):
             prior_width=50.0, lower=0.0, upper=500.0, touches="cut",
         ),
         Parameter(
-            name="phase_deg", unit="degree", doc="angle of the first tooth behind the offset",
+            name="phase_deg", unit="degree", doc="angle of the first tooth ahead of the offset",
             prior_width=60.0, lower=-180.0, upper=180.0, touches="cut",
         ),
     )  # fmt: skip

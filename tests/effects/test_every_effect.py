@@ -7,6 +7,7 @@ survives pickling; a strong one changes what it says it changes, and leaves the 
 import itertools
 import math
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -162,6 +163,34 @@ def test_a_machine_of_measured_modes_is_told_what_is_missing(name: str):
             apply_effects(machine, [configured(name)])
     else:
         assert apply_effects(machine, [configured(name)]) != Stages(machine=machine)
+
+
+def test_effects_that_would_do_nothing_say_why(reference_machine: Machine):
+    plain = reference_machine.spindle.model_copy(update={"beam": "euler_bernoulli", "discs": ()})
+    without_inertia = reference_machine.model_copy(update={"spindle": plain})
+    with pytest.raises(InvalidInput, match=r"gyroscopic_coupling: beam euler_bernoulli has no rotary inertia"):
+        apply_effects(without_inertia, [configured("gyroscopic_coupling")])
+    described = machine_of_modes(1).described()
+    along_x = [mode for mode in described["tip"]["modes"] if mode["axis"] == "x"]
+    one_axis = Machine.model_validate({**described, "tip": {"modes": along_x}})
+    values = {"where": "modes", "axis": "y", "stiffness_loss": 0.3}
+    with pytest.raises(InvalidInput, match=r"directional_asymmetry.axis: found 'y', along which no mode was measured"):
+        apply_effects(one_axis, [activate("directional_asymmetry", values)])
+
+
+def test_seats_that_hang_on_the_speed_do_so_with_bearings_at_standstill(reference_machine: Machine):
+    """What a user exchanges there gets the spindle's speed, whatever the balls feel."""
+    before = Stages(machine=reference_machine)
+
+    def softer(spindle, state):
+        return before.seat_stiffness(spindle, state) / (1.0 + (state.spindle_speed[:, None] / 1200.0) ** 2)
+
+    speed = np.array([1200.0])
+    plain, soft = (
+        structure(one, speed, mode_count=2, modal_parameters="static").modes.natural_frequency
+        for one in (before, replace(before, seat_stiffness=softer))
+    )
+    assert (soft < 0.9 * plain).all()
 
 
 def test_names_are_found_and_unknown_ones_get_the_nearest():

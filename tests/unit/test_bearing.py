@@ -174,3 +174,17 @@ def test_a_bearing_that_cannot_run_says_so(reference_machine):
     message = r"no equilibrium at 200000 rpm with a preload of 100 N.*raise the preload"
     with pytest.raises(NoEquilibrium, match=message):
         state.require_solved()
+
+
+def test_a_path_ends_where_a_stiffness_would_go_through_infinity(reference_machine):
+    """Hardly preloaded and rolling on its inner race: beyond, the ring's radial stiffness comes out negative."""
+    bearing = reference_machine.bearing.model_copy(update={"raceway_control": "inner"})
+    speed = np.arange(1000.0, 20001.0, 500.0) * RPM
+    state = axisymmetric_state(bearing, 10.0, speed, "constant")
+    end = int(state.solved.argmin())
+    assert 0 < end < len(speed)
+    assert not state.solved[end:].any()
+    assert (state.radial_stiffness[:end] > 0.0).all()
+    assert np.isnan(state.radial_stiffness[end:]).all()
+    # A speed that is asked for alone lies on the same path.
+    assert not axisymmetric_state(bearing, 10.0, speed[-1:], "constant").solved.any()

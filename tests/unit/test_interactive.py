@@ -40,6 +40,17 @@ def test_what_is_stable_is_told_so_and_effects_act(machine):
     assert damped.first_limit_mm > plain.first_limit_mm
 
 
+def test_speeds_without_a_result_are_not_told_as_stable(reference_machine):
+    """Of a spindle that hardly turns Floquet analysis says nothing."""
+    found = chatter_core.stability_lobes(reference_machine, [50.0, 12000.0])
+    assert found.known.tolist() == [False, True]
+    assert "no result at 1 of them" in repr(found)
+    assert "12000 rpm" in repr(found)
+    alone = chatter_core.stability_lobes(reference_machine, 50.0)
+    assert "no result at 1 of them" in repr(alone)
+    assert "stable" not in repr(alone)
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -48,6 +59,9 @@ def test_what_is_stable_is_told_so_and_effects_act(machine):
         ({"spindle_speed_rpm": 9000.0, "deepest_mm": 0.0}, "deepest_mm"),
         ({"spindle_speed_rpm": 9000.0, "effects": {"proces_damping": {}}}, "process_damping"),
         ({"spindle_speed_rpm": 9000.0, "mode_count": 1000}, "mode_count"),
+        ({"spindle_speed_rpm": 9000.0, "mode_count": 0}, "mode_count: found 0, allowed: whole numbers from 1"),
+        ({"spindle_speed_rpm": 9000.0, "mode_count": 2.0}, "mode_count: found 2.0"),
+        ({"spindle_speed_rpm": 9000.0, "modal_parameters": "Dynamic"}, "found 'Dynamic', allowed: dynamic, static"),
     ],
 )
 def test_what_is_wrong_is_told(machine, words, told):
