@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
-from pipeline.lobes import known_limit, stability_limit
+from pipeline.lobes import known_limit, main_parameters, of_main_parameters, stability_limit
 
 matplotlib.use("Agg")
 
@@ -62,7 +62,7 @@ def lobes_static_and_dynamic(lobes: xr.Dataset, preload: float) -> Figure:
         _boundary(
             axes, limit.sel(modal_parameters=name), color=colour, linestyle=STYLE[name], label=f"{name} parameters"
         )
-    stable = known_limit(lobes).sel(preload=preload, mode_count=modes).isel(modal_parameters=0)
+    stable = of_main_parameters(known_limit(lobes)).sel(preload=preload, mode_count=modes)
     axes.fill_between(stable["spindle_speed"], 0.0, stable, color=STABLE)
     _finish(axes, lobes, f"{_preload_label(lobes, preload)}{modes_label(lobes, modes)}")
     return figure
@@ -72,7 +72,7 @@ def lobes_by_preload(lobes: xr.Dataset, preload: float) -> Figure:
     """Draw the boundary with all modes for each preload."""
     figure, axes = panel("Stability lobes by preload")
     modes = int(lobes["mode_count"].max())
-    limit = stability_limit(lobes).isel(modal_parameters=0).sel(mode_count=modes)
+    limit = of_main_parameters(stability_limit(lobes)).sel(mode_count=modes)
     for colour, value in zip(cycle(COLOURS), limit["preload"].values, strict=False):
         _boundary(axes, limit.sel(preload=value), color=colour, label=f"{value:g} N")
     _finish(axes, lobes, f"{_parameters(lobes)} parameters, {modes_label(lobes, modes)}")
@@ -82,7 +82,7 @@ def lobes_by_preload(lobes: xr.Dataset, preload: float) -> Figure:
 def lobes_by_mode_count(lobes: xr.Dataset, preload: float) -> Figure:
     """Draw the boundary at one preload for each number of modes."""
     figure, axes = panel("Stability lobes by number of modes")
-    limit = stability_limit(lobes).isel(modal_parameters=0).sel(preload=preload)
+    limit = of_main_parameters(stability_limit(lobes)).sel(preload=preload)
     for colour, value in zip(cycle(COLOURS), limit["mode_count"].values, strict=False):
         _boundary(axes, limit.sel(mode_count=value), color=colour, label=modes_label(lobes, int(value)))
     _finish(axes, lobes, f"{_preload_label(lobes, preload)}{_parameters(lobes)} parameters")
@@ -141,7 +141,7 @@ def map_of_dominant_mode(lobes: xr.Dataset, preload: float) -> Figure:
 def bearing_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
     """Draw stiffness, contact angles, centrifugal force and gyroscopic moment over speed for each preload."""
     figure, grid = panels("One bearing over spindle speed", 2, 2)
-    bearing = lobes.isel(modal_parameters=0)
+    bearing = of_main_parameters(lobes)
     shown = (
         ("radial stiffness [N/\N{MICRO SIGN}m]", ("radial_stiffness",)),
         ("contact angle [deg]", ("inner_contact_angle", "outer_contact_angle")),
@@ -170,7 +170,7 @@ def modes_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
     """Draw natural frequency, modal stiffness, mass and damping of the tip modes over speed."""
     where = _preload_label(lobes, preload).removesuffix(", ")
     figure, grid = panels("Modes at the tool tip over spindle speed" + (f", {where}" if where else ""), 2, 2)
-    modes = lobes.isel(modal_parameters=0).sel(preload=preload)
+    modes = of_main_parameters(lobes).sel(preload=preload)
     shown = (
         ("natural frequency [Hz]", "natural_frequency", "linear"),
         ("modal stiffness [N/\N{MICRO SIGN}m]", "modal_stiffness", "log"),
@@ -201,12 +201,12 @@ def _contour(axes: Axes, radius: xr.DataArray) -> None:
 
 
 def _map(array: xr.DataArray, preload: float, modes: int) -> xr.DataArray:
-    chosen = array.isel(modal_parameters=0).sel(preload=preload, mode_count=modes)
+    chosen = of_main_parameters(array).sel(preload=preload, mode_count=modes)
     return chosen.transpose("axial_depth", "spindle_speed")
 
 
 def _parameters(lobes: xr.Dataset) -> str:
-    return str(lobes["modal_parameters"].values[0])
+    return main_parameters(lobes["modal_parameters"].values)
 
 
 def _preload_label(lobes: xr.Dataset, preload: float) -> str:

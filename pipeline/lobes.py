@@ -1,6 +1,8 @@
 """From a store of a sweep to statements about lobes: crossover speeds, static against dynamic."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -8,6 +10,7 @@ import xarray as xr
 
 #: Outer dimensions of a sweep: one line of lobes for each combination.
 OUTER = ("modal_parameters", "preload", "mode_count")
+Labelled = TypeVar("Labelled", xr.Dataset, xr.DataArray)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,6 +20,20 @@ class Misjudged:
     spindle_speed_rpm: float
     static_limit_mm: float
     dynamic_limit_mm: float
+
+
+def main_parameters(kinds: Iterable[object]) -> str:
+    """Return the kind of modal parameters that is told where one alone is: dynamic where it is there, else the first.
+
+    A cut is made by a spindle that turns, whatever order a grid names the kinds in.
+    """
+    named = [str(kind) for kind in kinds]
+    return "dynamic" if "dynamic" in named else named[0]
+
+
+def of_main_parameters(lobes: Labelled) -> Labelled:
+    """Return the part of a study, or of a variable of it, that is told where one kind of parameters alone is."""
+    return lobes.sel(modal_parameters=main_parameters(lobes["modal_parameters"].values))
 
 
 def stability_limit(lobes: xr.Dataset) -> xr.DataArray:

@@ -15,7 +15,14 @@ from pipeline import figures, page, store, survey, tables
 from pipeline.best_cuts import best_cuts
 from pipeline.chunks import Chunks
 from pipeline.kinds import kind_of
-from pipeline.lobes import crossover_speeds, dominance, most_misjudged, stability_limit
+from pipeline.lobes import (
+    crossover_speeds,
+    dominance,
+    main_parameters,
+    most_misjudged,
+    of_main_parameters,
+    stability_limit,
+)
 from pipeline.page import PageTable, provenance
 from pipeline.places import LOBES, Place
 from pipeline.plots import embed
@@ -142,7 +149,7 @@ def _warnings(counts: Counter[str], limits_complete: np.ndarray) -> list[str]:
 def _findings(lobes: xr.Dataset, preload: float) -> list[str]:
     """Return what the study says, in sentences."""
     modes = int(lobes["mode_count"].max())
-    limit = stability_limit(lobes).isel(modal_parameters=0).sel(preload=preload, mode_count=modes)
+    limit = of_main_parameters(stability_limit(lobes)).sel(preload=preload, mode_count=modes)
     found = []
     if bool(limit.notnull().any()):
         least, best = limit.argmin("spindle_speed"), (limit * limit["spindle_speed"]).argmax("spindle_speed")
@@ -178,9 +185,10 @@ def _who_sets_the_boundary(ranges: pd.DataFrame) -> str:
 
 def _best_table(lobes: xr.Dataset) -> PageTable:
     """Return the cuts that remove most with all modes, and bearings at the spindle's speed where there are both."""
-    cuts = best_cuts(lobes.isel(modal_parameters=[0]))
+    main = main_parameters(lobes["modal_parameters"].values)
+    cuts = best_cuts(lobes.sel(modal_parameters=[main]))
     cuts = cuts[cuts["mode_count"] == cuts["mode_count"].max()]
-    title = f"Cuts that remove most, {margins_of(lobes.attrs)}"
+    title = f"Cuts that remove most, {main} parameters, {margins_of(lobes.attrs)}"
     columns = ["preload, N", "speed, rpm", "depth, mm", "removal rate, cm\N{SUPERSCRIPT THREE}/min", "boundary"]
     rows = [
         [

@@ -15,7 +15,7 @@ from chatter_core.variables import BIFURCATION
 from pipeline.best_cut_plots import KNOWN, RATE, SPEED, add_best_cut
 from pipeline.best_cuts import removal_rate
 from pipeline.figures import COLOURS, RADIUS_LEVELS, STYLE, modes_label
-from pipeline.lobes import known_limit, stability_limit
+from pipeline.lobes import known_limit, main_parameters, of_main_parameters, stability_limit
 from pipeline.plots import Choices, Key, add_key, hover, numbers, plot
 from pipeline.settings import margins_of
 
@@ -75,11 +75,11 @@ def _lines(lobes: xr.Dataset) -> Iterator[tuple[Key, xr.Dataset]]:
 
 
 def _lobes(lobes: xr.Dataset, choices: Choices) -> tuple[figure, dict[str, Model]]:
-    """Return the boundary of each kind of parameters, the best cut of the first, and the sliders of its margins."""
+    """Return the boundary of each kind of parameters, the best cut of the main one, and the sliders of its margins."""
     made = plot("Stability lobes: stable below the line", SPEED_LABEL, DEPTH_LABEL, height=440)
     _span(made, lobes)
     speed, machine = lobes["spindle_speed"].values, lobes.attrs["settings"]["machine"]
-    renderers, entries, sources = list[Any](), dict[str, list[Any]](), list[ColumnDataSource]()
+    renderers, entries, sources = list[Any](), dict[str, list[Any]](), dict[str, ColumnDataSource]()
     for colour, name in zip(COLOURS, lobes["modal_parameters"].values, strict=False):
         data = {}
         for key, part in _lines(lobes.sel(modal_parameters=name)):
@@ -95,7 +95,7 @@ def _lobes(lobes: xr.Dataset, choices: Choices) -> tuple[figure, dict[str, Model
                 RATE: removal_rate(machine, speed, 1.0),
             }
         source = choices.source(data, {SPEED: speed})
-        sources.append(source)
+        sources[str(name)] = source
         line = made.line("speed", "limit", source=source, line_width=2, color=colour, line_dash=DASHES[STYLE[name]])
         renderers.append(made.scatter("speed", "limit", source=source, size=3, color=colour))
         entries[str(name)] = [line, renderers[-1]]
@@ -111,7 +111,7 @@ def _lobes(lobes: xr.Dataset, choices: Choices) -> tuple[figure, dict[str, Model
             ],
         )
     )
-    mark, sliders = add_best_cut(made, sources[0], margins_of(lobes.attrs))
+    mark, sliders = add_best_cut(made, sources[main_parameters(sources)], margins_of(lobes.attrs))
     add_key(made, {**entries, "best cut": [mark]})
     return made, sliders
 
@@ -159,7 +159,7 @@ def _map(
     speed, depth = (lobes[name].values for name in ("spindle_speed", "axial_depth"))
     # Pictures have equal steps: at each the nearest point of the grid is shown.
     across, up = (nearest(axis, most) for axis, most in zip((speed, depth), MAP_SIZE, strict=True))
-    first = lobes.isel(modal_parameters=0)
+    first = of_main_parameters(lobes)
     data, boundary = {}, {}
     for key, part in _lines(first):
         cells = part.transpose("axial_depth", "spindle_speed", ...)
@@ -210,7 +210,7 @@ def _modes(lobes: xr.Dataset, choices: Choices) -> dict[str, Model]:
     numbers_of = [int(number) for number in lobes["mode"].values]
     made: dict[str, Model] = {}
     for name, (label, scale) in shown.items():
-        part = lobes[name].isel(modal_parameters=0).sel(axis=axis)
+        part = of_main_parameters(lobes[name]).sel(axis=axis)
         data = {
             key: {f"mode {number}": numbers(part.sel(preload=own["preload"], mode=number)) for number in numbers_of}
             for key, own in _lines(lobes)
@@ -233,7 +233,7 @@ def _bearing(lobes: xr.Dataset) -> dict[str, Model]:
     titles = {f"{value:g} N": colour for value, colour in zip(lobes["preload"].values, cycle(COLOURS), strict=False)}
     made: dict[str, Model] = {}
     for name, label in shown.items():
-        part = lobes[name].isel(modal_parameters=0)
+        part = of_main_parameters(lobes[name])
         columns = {f"{value:g} N": numbers(part.sel(preload=value)) for value in lobes["preload"].values}
         source = ColumnDataSource({"speed": numbers(lobes["spindle_speed"]), **columns})
         made[name] = _over_speed(lobes, label, source, titles)

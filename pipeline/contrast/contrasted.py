@@ -10,6 +10,7 @@ import pandas as pd
 from pipeline.contrast.lines import Lines
 from pipeline.contrast.pairs import SAME, Pairs, at_pairs, pair, value_in_words
 from pipeline.dataset_tables import MOST_NAMED
+from pipeline.lobes import main_parameters
 from pipeline.page import cell
 
 #: What is told of a speed of a line: both limit depths, in which study there is none as deep as it looked, or why
@@ -51,12 +52,12 @@ class Contrast:
 
     @property
     def main_lines(self) -> np.ndarray:
-        """Return which lines a sentence is about (line,): of sweeps those of the first parameters with all modes."""
+        """Return which lines a sentence is about (line,): of sweeps those of the main parameters with all modes."""
         labels = self.pairs.labels
         if not self.studies[0].is_sweep:
             return np.ones(len(labels), dtype=bool)
-        first, modes = labels["modal_parameters"].iloc[0], labels["mode_count"]
-        return np.asarray((labels["modal_parameters"] == first) & (modes == modes.max()))
+        main, modes = main_parameters(labels["modal_parameters"]), labels["mode_count"]
+        return np.asarray((labels["modal_parameters"] == main) & (modes == modes.max()))
 
     def name_of(self, line: int) -> str:
         """Return how people tell a line from the others."""
