@@ -20,14 +20,18 @@ WIDTH = 220
 FIND = """
 const {[names[0]]: speed, [names[1]]: known, [names[2]]: rate} = line.data
 const near = 0.01 * of_speed.value, last = speed.length - 1
+// Between two speeds the boundary runs straight.
+const between = (a, at) => known[a] + (at - speed[a]) / (speed[a + 1] - speed[a]) * (known[a + 1] - known[a])
 let found = {speed: NaN, depth: NaN, rate: -Infinity}
 for (let i = 0; i <= last; i++) {
   const low = speed[i] * (1 - near), high = speed[i] * (1 + near)
   if (low < speed[0] || high > speed[last]) continue
-  let least = known[i]
+  let least = known[i], first = i, end = i
   // Math.min of anything and NaN is NaN: near what is not known nothing is recommended.
-  for (let j = i - 1; j >= 0 && speed[j] >= low - 1e-9 * speed[i]; j--) least = Math.min(least, known[j])
-  for (let j = i + 1; j <= last && speed[j] <= high + 1e-9 * speed[i]; j++) least = Math.min(least, known[j])
+  while (first > 0 && speed[first - 1] >= low - 1e-9 * speed[i]) least = Math.min(least, known[--first])
+  while (end < last && speed[end + 1] <= high + 1e-9 * speed[i]) least = Math.min(least, known[++end])
+  if (speed[first] > low + 1e-9 * low) least = Math.min(least, between(first - 1, low))
+  if (speed[end] < high - 1e-9 * high) least = Math.min(least, between(end, high))
   const depth = (1 - 0.01 * of_depth.value) * least
   if (rate[i] * depth > found.rate) found = {speed: speed[i], depth, rate: rate[i] * depth}
 }

@@ -9,6 +9,9 @@ import xarray as xr
 from pipeline.lobes import OUTER, known_limit, stability_limit
 from pipeline.settings import Margins, margins_of
 
+#: Speeds that differ by less than this, relative to them, are the same: grids are rounded.
+SAME = 1e-9
+
 
 def removal_rate(machine: dict[str, Any], spindle_speed_rpm: Any, axial_depth_mm: Any) -> Any:
     """Return the volume that a cut removes [cm3/min]: depth times radial depth times feed speed.
@@ -24,15 +27,31 @@ def removal_rate(machine: dict[str, Any], spindle_speed_rpm: Any, axial_depth_mm
 def safe_depth(limit: np.ndarray, speed: np.ndarray, margins: Margins) -> np.ndarray:
     """Return the depth that stays below the limit depths (..., speed) at each speed (speed,) and near it, less some.
 
-    NaN where a limit nearby is, and at speeds so near to the ends that part of what is near was not computed.
+    Where what is near ends between two speeds, the boundary runs straight from one to the other: a grid may be coarser
+    than the margin. NaN where a limit nearby is, and at speeds so near to the ends that part of what is near was not
+    computed.
     """
     margin = 0.01 * margins.speed
     # Speeds ascend: those that are near to one stand side by side.
-    first = np.searchsorted(speed, speed * (1.0 - margin - 1e-9))
-    last = np.searchsorted(speed, speed * (1.0 + margin + 1e-9), side="right")
+    first = np.searchsorted(speed, speed * (1.0 - margin - SAME))
+    last = np.searchsorted(speed, speed * (1.0 + margin + SAME), side="right")
     least = np.stack([limit[..., a:b].min(axis=-1) for a, b in zip(first, last, strict=True)], axis=-1)
+    for share in (1.0 - margin, 1.0 + margin):
+        least = np.minimum(least, _between(limit, speed, share * speed))
     inside = (speed * (1.0 - margin) >= speed[0]) & (speed * (1.0 + margin) <= speed[-1])
     return (1.0 - 0.01 * margins.depth) * np.where(inside, least, np.nan)
+
+
+def _between(limit: np.ndarray, speed: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return limit depths (..., speed) interpolated over speed (speed,) to those wanted (wanted,).
+
+    NaN where a neighbour's is; beyond the ends that of the end.
+    """
+    after = np.searchsorted(speed, wanted * (1.0 - SAME)).clip(max=len(speed) - 1)
+    before = np.where(speed[after] > wanted * (1.0 + SAME), np.maximum(after - 1, 0), after)
+    span = np.where(before < after, speed[after] - speed[before], np.inf)
+    share = (wanted - speed[before]) / span
+    return np.asarray(limit[..., before] + share * (limit[..., after] - limit[..., before]))
 
 
 def best_cuts(lobes: xr.Dataset) -> pd.DataFrame:

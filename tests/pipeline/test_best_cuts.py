@@ -9,7 +9,7 @@ from pipeline import report
 from pipeline.best_cuts import best_cuts, removal_rate, safe_depth
 from pipeline.figures import lobes_static_and_dynamic
 from pipeline.places import Folder
-from pipeline.settings import margins_of
+from pipeline.settings import Margins, margins_of
 from tests.pipeline.studies import sweep
 
 SPEED = np.arange(5000.0, 15001.0, 50.0)
@@ -94,6 +94,19 @@ def test_margins_keep_free_of_the_boundary_at_all_speeds_nearby():
     assert found["spindle_speed"] == pytest.approx(14700.0)
     # 15000 rpm is 2 % above 14706 rpm: faster ones are too near to the end of the grid to be judged.
     assert found["removal_rate_cm3_min"] == pytest.approx(0.9 * 6.4 * 4 * 0.08 * 14700.0 * 1e-3, rel=1e-12)
+
+
+def test_margins_keep_free_of_the_boundary_between_speeds_of_a_coarse_grid():
+    """At 1000 rpm from speed to speed, a margin of 2 % ends before the next speed: the boundary runs straight there."""
+    speed, limit = np.array([9e3, 10e3, 11e3, 12e3]), np.array([[1.0, 3.0, 2.0, 2.0], [3.0, np.nan, 2.0, 2.0]])
+    found = safe_depth(limit, speed, Margins(depth_percent=0.0))
+    # 200 rpm below 10000 rpm the boundary lies 200 / 1000 of the way to 1 mm; 220 rpm above 11000 rpm it is at 2 mm.
+    assert found[0] == pytest.approx([np.nan, 2.6, 2.0, np.nan], rel=1e-12, nan_ok=True)
+    # On the way to what is not known nothing is.
+    assert np.isnan(found[1]).all()
+    # A margin that ends at a speed of the grid asks for no speed beyond it.
+    beyond = np.array([1.0, 3.0, 2.0, np.nan])
+    assert safe_depth(beyond, speed, Margins(depth_percent=0.0, speed_percent=10.0))[1] == pytest.approx(1.0, rel=1e-12)
 
 
 def test_what_was_not_computed_nearby_is_not_recommended():
