@@ -18,6 +18,7 @@ from pipeline.kinds import kind_of
 from pipeline.lobes import (
     crossover_speeds,
     dominance,
+    known_limit,
     main_parameters,
     most_misjudged,
     of_main_parameters,
@@ -82,7 +83,7 @@ def write(place: Place, **margins: float) -> list[Path]:
     output = place.make_output()
     written = [*tables.write(lobes, output / "tables"), *figures.write(lobes, output / "figures", preload)]
     html = output / "report.html"
-    warnings = [*_left_out(lobes, step), *_warnings(counts, lobes["limits_complete"].values)]
+    warnings = [*_left_out(lobes, step), *_warnings(counts, lobes)]
     csv = [path for path in written if path.suffix == ".csv"]
     _page(html, place.opening, lobes, preload, counts.total(), warnings, csv)
     return [*written, html]
@@ -131,16 +132,18 @@ def _page(
     )
 
 
-def _warnings(counts: Counter[str], limits_complete: np.ndarray) -> list[str]:
+def _warnings(counts: Counter[str], lobes: xr.Dataset) -> list[str]:
     told = [
         f"{counts[name]} of {counts.total()} points have no result: {name.replace('_', ' ')}."
         for name, code in STATUS.items()
         if code not in WITH_RESULT and counts[name]
     ]
-    doubtful = int((limits_complete == 0).sum())
+    # Where a cell has no result that is told above: nothing was searched to its end there.
+    searched = lobes["status"].isin(WITH_RESULT).all("axial_depth")
+    doubtful = int(((lobes["limits_complete"] == 0) & searched).sum())
     if doubtful:
         told.append(
-            f"At {doubtful} of {limits_complete.size} speeds the search for limit depths left an interval of depth "
+            f"At {doubtful} of {searched.size} speeds the search for limit depths left an interval of depth "
             "suspicious: a narrow island or gap may be missing there."
         )
     return told
@@ -203,19 +206,20 @@ def _best_table(lobes: xr.Dataset) -> PageTable:
 def _limits_table(lobes: xr.Dataset, preload: float) -> PageTable:
     """Return limit depths at some speeds, a column for each kind of parameters and number of modes."""
     limit = stability_limit(lobes).sel(preload=preload)
-    step = max(1, -(-limit.sizes["spindle_speed"] // PAGE_ROWS))
-    chosen = limit.isel(spindle_speed=slice(None, None, step)).transpose("spindle_speed", ...)
     columns = [
         f"{parameters}, {figures.modes_label(lobes, int(number))}"
         for parameters in limit["modal_parameters"].values
         for number in limit["mode_count"].values
     ]
+    step = max(1, -(-limit.sizes["spindle_speed"] // PAGE_ROWS))
+    order = ("spindle_speed", "modal_parameters", "mode_count")
+    chosen, known = (
+        one.isel(spindle_speed=slice(None, None, step)).transpose(*order).values.reshape(-1, len(columns))
+        for one in (limit, known_limit(lobes).sel(preload=preload))
+    )
     rows = [
-        [
-            f"{float(row['spindle_speed']):.0f}",
-            *(_cell(v) for v in row.transpose("modal_parameters", ...).values.ravel()),
-        ]
-        for row in chosen
+        [f"{speed:.0f}", *map(_limit_cell, *values)]
+        for speed, *values in zip(limit["spindle_speed"].values[::step], chosen, known, strict=True)
     ]
     return PageTable(title="Limit depth in mm", columns=["spindle speed, rpm", *columns], rows=rows)
 
@@ -228,7 +232,12 @@ def _crossover_table(lobes: xr.Dataset) -> PageTable:
     return PageTable(title="Where one mode hands the boundary over to another", columns=columns, rows=rows)
 
 
+def _limit_cell(limit: float, known: float) -> str:
+    """Return a limit depth as people read it; known: the deepest depth where there is none for sure, else NaN."""
+    if np.isnan(limit):
+        return "no result" if np.isnan(known) else "above the grid"
+    return _cell(limit)
+
+
 def _cell(value: Any) -> str:
-    if isinstance(value, str):
-        return value
-    return "above the grid" if np.isnan(value) else f"{float(value):.5g}"
+    return value if isinstance(value, str) else f"{float(value):.5g}"

@@ -1,10 +1,13 @@
 """What tables, figures and page of a study say, of studies whose numbers are known."""
 
+from collections import Counter
+
 import matplotlib
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
+from chatter_core.variables import STATUS
 from pipeline import figures, report
 from pipeline.contrast.contrasted import contrast
 from pipeline.contrast.lines import read
@@ -66,3 +69,38 @@ def test_sentences_on_two_studies_are_about_the_turning_spindle(study):
     lines = read(Folder(study), Margins().said)
     both = contrast(lines, lines)
     assert set(both.pairs.labels["modal_parameters"][both.main_lines]) == {"dynamic"}
+
+
+def without(lobes, speed, **places):
+    """Return the study as if cells at a speed had come to nothing: no results, no limits, nothing searched."""
+    here, made = lobes["spindle_speed"] == speed, lobes.copy()
+    for name, at in places.items():
+        here = here & (lobes[name] == at)
+    for name in ("limit_depth", "spectral_radius"):
+        made[name] = lobes[name].where(~here)
+    made["limits_complete"] = lobes["limits_complete"].where(~here, 0)
+    made["status"] = lobes["status"].where(~here, STATUS["not_converged"])
+    return made
+
+
+def test_speeds_without_a_result_are_not_told_as_stable_down_to_the_deepest_depth(lobes):
+    failed = without(lobes, 9000.0, modal_parameters="dynamic", mode_count=1)
+    # At 10000 rpm there is no limit for sure, at 11000 rpm one may have been missed.
+    at = {speed: failed["spindle_speed"] == speed for speed in (10000.0, 11000.0)}
+    failed["limit_depth"] = failed["limit_depth"].where(~at[10000.0] & ~at[11000.0])
+    failed["limits_complete"] = failed["limits_complete"].where(~at[11000.0], 0)
+    table = report._limits_table(failed, 100.0)
+    column = table.columns.index("dynamic, mode 1 alone")
+    assert [row[column] for row in table.rows][1:4] == ["no result", "above the grid", "no result"]
+    limit = failed["limit_depth"].isel(crossing=0).sel(modal_parameters="dynamic", preload=100.0, spindle_speed=9000.0)
+    assert float(table.rows[1][column + 1]) == pytest.approx(float(limit.sel(mode_count=2)), rel=1e-4)
+
+
+def test_an_island_is_feared_only_where_all_depths_have_a_result(lobes):
+    failed = without(lobes, 9000.0, modal_parameters="dynamic")
+    assert report._warnings(Counter(), failed) == []
+    doubtful = (lobes["spindle_speed"] == 10000.0) & (lobes["modal_parameters"] == "dynamic")
+    failed["limits_complete"] = failed["limits_complete"].where(~doubtful, 0)
+    # Of two preloads with two numbers of modes, among those of two kinds of parameters at six speeds.
+    (warning,) = report._warnings(Counter(), failed)
+    assert "At 4 of 48 speeds" in warning
