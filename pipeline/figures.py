@@ -95,6 +95,11 @@ def modes_label(lobes: xr.Dataset, number: int) -> str:
     return f"mode {number} alone" if alone or number == 1 else f"modes 1 to {number}"
 
 
+def most_modes(lobes: xr.Dataset) -> int:
+    """Return the highest number of a mode that may dominate: effects add modes to those that are kept."""
+    return int(max(lobes["mode_count"].max(), lobes["dominant_mode"].max()))
+
+
 def map_of_spectral_radius(lobes: xr.Dataset, preload: float) -> Figure:
     """Draw the spectral radius over speed and depth with its contour at one."""
     figure, axes = panel("Spectral radius of the Floquet multipliers")
@@ -121,19 +126,20 @@ def map_of_dominant_mode(lobes: xr.Dataset, preload: float) -> Figure:
     modes = int(lobes["mode_count"].max())
     dominant = _map(lobes["dominant_mode"], preload, modes)
     radius = _map(lobes["spectral_radius"], preload, modes)
-    palette = ListedColormap(COLOURS[:modes]) if modes <= len(COLOURS) else matplotlib.colormaps["viridis"]
+    most = most_modes(lobes)
+    palette = ListedColormap(COLOURS[:most]) if most <= len(COLOURS) else matplotlib.colormaps["viridis"]
     mesh = axes.pcolormesh(
         dominant["spindle_speed"],
         dominant["axial_depth"],
         np.ma.masked_equal(dominant.values, 0),
         cmap=palette,
-        norm=BoundaryNorm(np.arange(0.5, modes + 1), palette.N),
+        norm=BoundaryNorm(np.arange(0.5, most + 1), palette.N),
         alpha=0.75,
         shading="nearest",
         rasterized=True,
     )
     _contour(axes, radius)
-    figure.colorbar(mesh, ax=axes, label="mode", ticks=np.arange(1, modes + 1))
+    figure.colorbar(mesh, ax=axes, label="mode", ticks=np.arange(1, most + 1))
     _finish(axes, lobes, f"{_preload_label(lobes, preload)}{modes_label(lobes, modes)}, black: radius 1", legend=False)
     return figure
 

@@ -14,7 +14,7 @@ from matplotlib.colors import to_hex
 from chatter_core.variables import BIFURCATION
 from pipeline.best_cut_plots import KNOWN, RATE, SPEED, add_best_cut
 from pipeline.best_cuts import removal_rate
-from pipeline.figures import COLOURS, RADIUS_LEVELS, STYLE, modes_label
+from pipeline.figures import COLOURS, RADIUS_LEVELS, STYLE, modes_label, most_modes
 from pipeline.lobes import known_limit, main_parameters, of_main_parameters, stability_limit
 from pipeline.plots import Choices, Key, add_key, hover, numbers, plot
 from pipeline.settings import margins_of
@@ -123,7 +123,7 @@ def _holds_maps(lobes: xr.Dataset) -> bool:
 
 
 def _map_of_dominant_mode(lobes: xr.Dataset, choices: Choices) -> figure:
-    most = int(lobes["mode_count"].max())
+    most = most_modes(lobes)
     palette = list(COLOURS[:most]) if most <= len(COLOURS) else _palette("viridis", most)
     mapper = LinearColorMapper(palette=palette, low=0.5, high=most + 0.5, low_color="#00000000")
     made = _map(

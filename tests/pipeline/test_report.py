@@ -6,6 +6,7 @@ import matplotlib
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
 
 from chatter_core.variables import STATUS
 from pipeline import figures, report
@@ -104,3 +105,18 @@ def test_an_island_is_feared_only_where_all_depths_have_a_result(lobes):
     # Of two preloads with two numbers of modes, among those of two kinds of parameters at six speeds.
     (warning,) = report._warnings(Counter(), failed)
     assert "At 4 of 48 speeds" in warning
+
+
+def test_a_mode_beyond_those_that_are_kept_has_a_colour_of_its_own(lobes):
+    """An effect's mode, as a workpiece has one, dominates at all depths of one speed."""
+    lobes["dominant_mode"] = lobes["dominant_mode"].where(lobes["spindle_speed"] != 9000.0, 5)
+    map_, bar = figures.map_of_dominant_mode(lobes, 100.0).axes
+    (mesh,) = [one for one in map_.collections if isinstance(one, QuadMesh)]
+    assert [mesh.norm.vmin, mesh.norm.vmax] == [0.5, 5.5]
+    assert bar.get_yticks().tolist() == [1, 2, 3, 4, 5]
+    colours = mesh.to_rgba(np.array([2, 5]))
+    assert not np.array_equal(*colours)
+    plot = study_plots(lobes, 100.0)["dominant_mode"]
+    (picture,) = [one for one in plot.renderers if "image" in one.data_source.data]
+    assert picture.glyph.color_mapper.high == 5.5
+    assert len(picture.glyph.color_mapper.palette) == 5
