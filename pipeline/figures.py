@@ -19,6 +19,10 @@ matplotlib.use("Agg")
 #: Colours that stay apart for colour-blind readers (Okabe and Ito), by order of use.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442")
 STYLE = {"dynamic": "-", "static": "--"}
+#: Lines of the modes of an axis, what is drawn of them, and by how little those of two axes differ that are the same.
+AXIS_STYLE = {"x": "-", "y": "--"}
+OF_MODES = ("natural_frequency", "modal_stiffness", "modal_mass", "damping_ratio")
+ALIKE = 1e-6
 STABLE = "#E8F3EC"
 #: Borders of the colours of the spectral radius, narrow around one.
 RADIUS_LEVELS = (0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 1.0, 1.02, 1.05, 1.1, 1.25, 1.67, 2.5)
@@ -177,6 +181,7 @@ def modes_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
     where = _preload_label(lobes, preload).removesuffix(", ")
     figure, grid = panels("Modes at the tool tip over spindle speed" + (f", {where}" if where else ""), 2, 2)
     modes = of_main_parameters(lobes).sel(preload=preload)
+    drawn, same = axes_of_modes(modes)
     shown = (
         ("natural frequency [Hz]", "natural_frequency", "linear"),
         ("modal stiffness [N/\N{MICRO SIGN}m]", "modal_stiffness", "log"),
@@ -184,15 +189,28 @@ def modes_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
         ("damping ratio [-]", "damping_ratio", "linear"),
     )
     for axes, (label, name, scale) in zip(grid.flat, shown, strict=True):
-        values = modes[name]
-        axis = "x" if bool(values.sel(axis="x").notnull().any()) else "y"
-        for colour, number in zip(cycle(COLOURS), modes["mode"].values, strict=False):
-            axes.plot(modes["spindle_speed"], values.sel(axis=axis, mode=number), color=colour, label=f"mode {number}")
+        for axis in drawn:
+            for colour, number in zip(cycle(COLOURS), modes["mode"].values, strict=False):
+                values = modes[name].sel(axis=axis, mode=number)
+                title = f"mode {number}" if axis == drawn[0] else None
+                axes.plot(modes["spindle_speed"], values, AXIS_STYLE[axis], color=colour, label=title)
         axes.set_yscale(scale)
         axes.set_ylabel(label)
         over_speed(axes, lobes)
+    if not same:
+        told = ", ".join(f"{'solid' if AXIS_STYLE[axis] == '-' else 'dashed'}: {axis}" for axis in drawn)
+        grid.flat[1].set_title(told, fontsize="small", loc="right")
     shared_legend(figure, grid.flat[0])
     return figure
+
+
+def axes_of_modes(modes: xr.Dataset) -> tuple[tuple[str, ...], bool]:
+    """Return the axes whose modes are drawn, and whether both have the same, of which x is drawn then."""
+    x, y = (modes[list(OF_MODES)].sel(axis=axis) for axis in AXIS_STYLE)
+    if all(np.allclose(x[name], y[name], rtol=ALIKE, atol=0.0, equal_nan=True) for name in OF_MODES):
+        return ("x",), True
+    having = tuple(axis for axis, own in (("x", x), ("y", y)) if bool(own["natural_frequency"].notnull().any()))
+    return having, False
 
 
 def _boundary(axes: Axes, limit: xr.DataArray, **style: Any) -> None:

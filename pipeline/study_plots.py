@@ -14,7 +14,7 @@ from matplotlib.colors import to_hex
 from chatter_core.variables import BIFURCATION
 from pipeline.best_cut_plots import KNOWN, RATE, SPEED, add_best_cut
 from pipeline.best_cuts import removal_rate
-from pipeline.figures import COLOURS, RADIUS_LEVELS, STYLE, modes_label, most_modes
+from pipeline.figures import AXIS_STYLE, COLOURS, RADIUS_LEVELS, STYLE, axes_of_modes, modes_label, most_modes
 from pipeline.lobes import known_limit, main_parameters, of_main_parameters, stability_limit
 from pipeline.plots import Choices, Key, add_key, hover, numbers, plot
 from pipeline.settings import margins_of
@@ -206,17 +206,21 @@ def _modes(lobes: xr.Dataset, choices: Choices) -> dict[str, Model]:
         "modal_mass": ("modal mass [kg]", "log"),
         "damping_ratio": ("damping ratio [-]", "linear"),
     }
-    axis = "x" if bool(lobes["natural_frequency"].sel(axis="x").notnull().any()) else "y"
-    numbers_of = [int(number) for number in lobes["mode"].values]
+    modes = of_main_parameters(lobes)
+    drawn, same = axes_of_modes(modes)
+    titles, lines = dict[str, tuple[str, str]](), dict[str, dict[str, Any]]()
+    for axis in drawn:
+        for colour, number in zip(cycle(COLOURS), modes["mode"].values, strict=False):
+            title = f"mode {number}" if same else f"mode {number}, {axis}"
+            titles[title] = colour, DASHES[AXIS_STYLE[axis]]
+            lines[title] = {"axis": axis, "mode": number}
     made: dict[str, Model] = {}
     for name, (label, scale) in shown.items():
-        part = of_main_parameters(lobes[name]).sel(axis=axis)
         data = {
-            key: {f"mode {number}": numbers(part.sel(preload=own["preload"], mode=number)) for number in numbers_of}
+            key: {title: numbers(modes[name].sel(preload=own["preload"], **line)) for title, line in lines.items()}
             for key, own in _lines(lobes)
         }
         source = choices.source(data, {"speed": numbers(lobes["spindle_speed"])})
-        titles = {f"mode {number}": colour for number, colour in zip(numbers_of, cycle(COLOURS), strict=False)}
         made[name] = _over_speed(lobes, label, source, titles, y_axis_type=scale)
     return made
 
@@ -230,7 +234,10 @@ def _bearing(lobes: xr.Dataset) -> dict[str, Model]:
         "centrifugal_force": "centrifugal force on a ball [N]",
         "gyroscopic_moment": "gyroscopic moment on a ball [N m]",
     }
-    titles = {f"{value:g} N": colour for value, colour in zip(lobes["preload"].values, cycle(COLOURS), strict=False)}
+    titles = {
+        f"{value:g} N": (colour, "solid")
+        for value, colour in zip(lobes["preload"].values, cycle(COLOURS), strict=False)
+    }
     made: dict[str, Model] = {}
     for name, label in shown.items():
         part = of_main_parameters(lobes[name])
@@ -241,13 +248,14 @@ def _bearing(lobes: xr.Dataset) -> dict[str, Model]:
 
 
 def _over_speed(
-    lobes: xr.Dataset, label: str, source: ColumnDataSource, titles: dict[str, str], **options: Any
+    lobes: xr.Dataset, label: str, source: ColumnDataSource, titles: dict[str, tuple[str, str]], **options: Any
 ) -> figure:
-    """Return lines over speed, one for each title with its colour; columns have the titles' names."""
+    """Return lines over speed, one for each title with its colour and dashes; columns have the titles' names."""
     made = plot(label, SPEED_LABEL, "", height=280, **options)
     _span(made, lobes, depth=False)
     lines = {
-        title: made.line("speed", title, source=source, color=colour, line_width=2) for title, colour in titles.items()
+        title: made.line("speed", title, source=source, color=colour, line_dash=dashes, line_width=2)
+        for title, (colour, dashes) in titles.items()
     }
     for title, line in lines.items():
         made.add_tools(

@@ -120,3 +120,26 @@ def test_a_mode_beyond_those_that_are_kept_has_a_colour_of_its_own(lobes):
     (picture,) = [one for one in plot.renderers if "image" in one.data_source.data]
     assert picture.glyph.color_mapper.high == 5.5
     assert len(picture.glyph.color_mapper.palette) == 5
+
+
+def test_modes_of_both_axes_are_drawn_and_named_where_they_differ(lobes):
+    def legend_and_lines(study):
+        plot = study_plots(study, 100.0)["modal_mass"]
+        lines = [axes.lines for axes in figures.modes_over_speed(study, 100.0).axes]
+        titles = [item.label.value for legend in plot.legend for item in legend.items]
+        return titles, [[line.get_linestyle() for line in own] for own in lines]
+
+    titles, styles = legend_and_lines(lobes)
+    assert titles == ["mode 1", "mode 2"]
+    assert styles == [["-", "-"]] * 4
+    y = lobes["axis"] == "y"
+    lobes["damping_ratio"] = lobes["damping_ratio"] * (1.0 + y)
+    titles, styles = legend_and_lines(lobes)
+    assert titles == ["mode 1, x", "mode 2, x", "mode 1, y", "mode 2, y"]
+    assert styles == [["-", "-", "--", "--"]] * 4
+    assert figures.modes_over_speed(lobes, 100.0).axes[1].get_title("right") == "solid: x, dashed: y"
+    for name in figures.OF_MODES:
+        lobes[name] = lobes[name].where(y)
+    titles, styles = legend_and_lines(lobes)
+    assert titles == ["mode 1, y", "mode 2, y"]
+    assert styles == [["--", "--"]] * 4
