@@ -329,12 +329,13 @@ def deceptive_speed(evidence: Evidence) -> Finding:
     named = limit.sel(spindle_speed=PAPER_SPEED, method="nearest")
     if worst is None:
         return Finding(name="P9", claim=DECEPTIVE, found="no speed of the grid has both limits", holds="no")
+    least = "at least " if worst.static_above_grid else ""
     good = worst.static_limit_mm > 2.0 * usual and worst.dynamic_limit_mm < 1.5 * usual
     return Finding(
         name="P9",
         claim=DECEPTIVE,
-        found=f"{worst.spindle_speed_rpm:.0f} rpm: static lobes promise {worst.static_limit_mm:.2f} mm, dynamic ones "
-        f"allow {worst.dynamic_limit_mm:.2f} mm; at {float(named['spindle_speed']):.0f} rpm here "
+        found=f"{worst.spindle_speed_rpm:.0f} rpm: static lobes promise {least}{worst.static_limit_mm:.2f} mm, "
+        f"dynamic ones allow {worst.dynamic_limit_mm:.2f} mm; at {float(named['spindle_speed']):.0f} rpm here "
         f"{float(named.sel(modal_parameters='static')):.2f} and {float(named.sel(modal_parameters='dynamic')):.2f} mm",
         holds=_verdict(good),
     )

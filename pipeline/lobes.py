@@ -15,11 +15,15 @@ Labelled = TypeVar("Labelled", xr.Dataset, xr.DataArray)
 
 @dataclass(frozen=True, kw_only=True)
 class Misjudged:
-    """Speed whose depth the static lobes praise most above what the dynamic ones allow."""
+    """Speed whose depth the static lobes praise most above what the dynamic ones allow.
+
+    static_above_grid: whether the static limit is deeper than the grid, and at least what is said.
+    """
 
     spindle_speed_rpm: float
     static_limit_mm: float
     dynamic_limit_mm: float
+    static_above_grid: bool
 
 
 def main_parameters(kinds: Iterable[object]) -> str:
@@ -129,7 +133,8 @@ def most_misjudged(lobes: xr.Dataset, preload: float, mode_count: int) -> Misjud
         return None
     line = lobes.sel(preload=preload, mode_count=mode_count)
     known = known_limit(line)
-    static, dynamic = known.sel(modal_parameters="static"), stability_limit(line).sel(modal_parameters="dynamic")
+    limit, static = stability_limit(line), known.sel(modal_parameters="static")
+    dynamic = limit.sel(modal_parameters="dynamic")
     ratio = (static / dynamic).where(known.notnull().all("modal_parameters")).values
     if np.isnan(ratio).all():
         return None
@@ -138,6 +143,7 @@ def most_misjudged(lobes: xr.Dataset, preload: float, mode_count: int) -> Misjud
         spindle_speed_rpm=float(lobes["spindle_speed"][worst]),
         static_limit_mm=float(static[worst]),
         dynamic_limit_mm=float(dynamic[worst]),
+        static_above_grid=bool(np.isnan(limit.sel(modal_parameters="static")[worst])),
     )
 
 

@@ -37,6 +37,8 @@ from pipeline.verbs.stores import ReportOptions
 PAGE_ROWS = 24
 #: Ranges of one dominant mode that a sentence holds; the CSV file holds all.
 SENTENCE_RANGES = 6
+#: Limits of the standing spindle that are less than so many times those of the running one are not worth a sentence.
+TELLING_RATIO = 1.01
 CAPTIONS = {
     "lobes": "A click on a line's name hides or shows it. The star: the cut that removes most with the chosen margins.",
     "dominant_mode": "The mode that holds the largest share of the critical motion's energy; the line is the boundary.",
@@ -153,14 +155,7 @@ def _findings(lobes: xr.Dataset, preload: float) -> list[str]:
     """Return what the study says, in sentences."""
     modes = int(lobes["mode_count"].max())
     limit = of_main_parameters(stability_limit(lobes)).sel(preload=preload, mode_count=modes)
-    found = []
-    if bool(limit.notnull().any()):
-        least, best = limit.argmin("spindle_speed"), (limit * limit["spindle_speed"]).argmax("spindle_speed")
-        found.append(
-            f"The shallowest limit is {float(limit[least]):.3g} mm at {float(limit['spindle_speed'][least]):.0f} rpm; "
-            f"depth times speed is largest at {float(limit['spindle_speed'][best]):.0f} rpm "
-            f"with {float(limit[best]):.3g} mm."
-        )
+    found = _depths(limit, of_main_parameters(known_limit(lobes)).sel(preload=preload, mode_count=modes))
     ranges = dominance(lobes)
     shown = ranges[
         (ranges["modal_parameters"] == limit["modal_parameters"].item())
@@ -170,14 +165,30 @@ def _findings(lobes: xr.Dataset, preload: float) -> list[str]:
     if len(shown) > 1:
         found.append(_who_sets_the_boundary(shown))
     misjudged = most_misjudged(lobes, preload, modes)
-    if misjudged:
+    if misjudged and misjudged.static_limit_mm > TELLING_RATIO * misjudged.dynamic_limit_mm:
+        at_least = "at least " if misjudged.static_above_grid else ""
         found.append(
             f"At {misjudged.spindle_speed_rpm:.0f} rpm lobes from the standing spindle promise "
-            f"{misjudged.static_limit_mm:.3g} mm where the running one allows {misjudged.dynamic_limit_mm:.3g} mm."
+            f"{at_least}{misjudged.static_limit_mm:.3g} mm where the running one allows "
+            f"{misjudged.dynamic_limit_mm:.3g} mm."
         )
     error = float(np.nanmax(lobes["error_estimate"].values)) if lobes["error_estimate"].notnull().any() else np.nan
     found.append(f"Estimated error of the spectral radius near the boundary: at most {error:.1e}.")
     return found
+
+
+def _depths(limit: xr.DataArray, known: xr.DataArray) -> list[str]:
+    """Return where limits (speed,) are shallowest and best; known: the deepest depth where there is none for sure."""
+    told, speed = [], limit["spindle_speed"].values
+    if bool(limit.notnull().any()):
+        least = int(limit.argmin("spindle_speed"))
+        told.append(f"the shallowest limit is {float(limit[least]):.3g} mm at {speed[least]:.0f} rpm")
+    if bool(known.notnull().any()):
+        best = int((known * speed).argmax("spindle_speed"))
+        at_least = "at least " if np.isnan(limit[best]) else ""
+        told.append(f"depth times speed is largest at {speed[best]:.0f} rpm with {at_least}{float(known[best]):.3g} mm")
+    sentence = "; ".join(told)
+    return [f"{sentence[0].upper()}{sentence[1:]}."] if told else []
 
 
 def _who_sets_the_boundary(ranges: pd.DataFrame) -> str:

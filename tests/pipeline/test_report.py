@@ -143,3 +143,26 @@ def test_modes_of_both_axes_are_drawn_and_named_where_they_differ(lobes):
     titles, styles = legend_and_lines(lobes)
     assert titles == ["mode 1, y", "mode 2, y"]
     assert styles == [["--", "--"]] * 4
+
+
+def test_a_speed_that_is_stable_down_to_the_deepest_depth_is_not_left_out_of_what_is_best(lobes):
+    """The ramp's limits are 1.1 to 1.6 mm, those at rest half as deep again; cells reach down to 2 mm."""
+    assert "depth times speed is largest at 13000 rpm with 1.6 mm" in report._findings(lobes, 100.0)[0]
+    # At 12000 rpm the boundary lies below all cells, at 13000 rpm one was not computed.
+    lobes["limit_depth"] = lobes["limit_depth"].where(lobes["spindle_speed"] < 12000.0)
+    depths = report._findings(without(lobes, 13000.0), 100.0)[0]
+    assert (
+        "The shallowest limit is 1.1 mm at 8000 rpm; depth times speed is largest at 12000 rpm with at least" in depths
+    )
+    assert depths.endswith("at least 2 mm.")
+
+
+def test_lobes_at_rest_are_said_to_mislead_where_they_do(lobes):
+    misled = [told for told in report._findings(lobes, 100.0) if "standing spindle" in told]
+    assert len(misled) == 1
+    assert "at least" not in misled[0]
+    static = lobes["modal_parameters"] == "static"
+    above = lobes.assign(limit_depth=lobes["limit_depth"].where(~static))
+    assert "promise at least 2 mm where" in " ".join(report._findings(above, 100.0))
+    alike = lobes.assign(limit_depth=lobes["limit_depth"] / (1.0 + 0.495 * static))
+    assert "standing spindle" not in " ".join(report._findings(alike, 100.0))

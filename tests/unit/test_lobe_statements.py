@@ -47,6 +47,8 @@ def test_static_lobes_mislead_most_where_the_ratio_is_largest():
     found = most_misjudged(lobes([4, 4, 4], static=[1.0, 4.0, np.nan], dynamic=[1.0, 1.0, 3.0]), 100.0, 4)
     # Above the grid counts as its last depth, 6 mm: twice at 3000 rpm, four times at 2000 rpm.
     assert (found.spindle_speed_rpm, found.static_limit_mm, found.dynamic_limit_mm) == pytest.approx((2000.0, 4.0, 1.0))
+    assert not found.static_above_grid
+    assert most_misjudged(lobes([4], static=[np.nan], dynamic=[3.0]), 100.0, 4).static_above_grid
 
 
 def test_static_lobes_without_a_limit_mislead_only_where_none_can_have_been_missed():
