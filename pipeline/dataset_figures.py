@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from pipeline.by_value import FEW, OfValue, by_value
 from pipeline.dataset_tables import limit_or_deepest, quantiles
-from pipeline.figures import COLOURS, panel
+from pipeline.figures import COLOURS, draw_line, panel
 from pipeline.page import cell
 from pipeline.sensitivity import KEY
 
@@ -48,12 +48,12 @@ def limits_over_speed(data: xr.Dataset) -> Figure:
     speed, limit = data["spindle_speed"].values, limit_or_deepest(data)
     if len(limit) <= FEW:
         for row, line in enumerate(limit):
-            axes.plot(speed, line, lw=1.2, color=COLOURS[row % len(COLOURS)])
+            draw_line(axes, speed, line, lw=1.2, color=COLOURS[row % len(COLOURS)])
     else:
         for low, high in BANDS:
             below, above = quantiles(limit, (low, high))
             axes.fill_between(speed, below, above, color=COLOURS[0], alpha=0.25, label=f"{low:.0%} to {high:.0%}")
-        axes.plot(speed, quantiles(limit, (0.5,))[0], color=COLOURS[0], label="median of all cuts")
+        draw_line(axes, speed, quantiles(limit, (0.5,))[0], color=COLOURS[0], label="median of all cuts")
         # An axis of nothing, where no cut is computed yet, has no logarithm.
         axes.set_yscale("linear" if np.isnan(limit).all() else "log")
         axes.legend(frameon=False)
@@ -67,7 +67,7 @@ def limits_by_value(speed: np.ndarray, key: str, values: Sequence[OfValue]) -> F
     figure, axes = panel(f"Limit depths over spindle speed by {key}")
     for colour, own in zip(ordered_colours(len(values)), values, strict=True):
         axes.fill_between(speed, own.low, own.high, color=colour, alpha=0.08, lw=0)
-        axes.plot(speed, own.middle, color=colour, lw=1.6, label=own.name)
+        draw_line(axes, speed, own.middle, color=colour, lw=1.6, label=own.name)
     axes.set_xlabel("spindle speed [rpm]")
     axes.set_ylabel("limit depth [mm]")
     axes.legend(frameon=False, ncols=1 + len(values) // 4, fontsize=8)

@@ -161,14 +161,9 @@ def bearing_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
     for axes, (label, names) in zip(grid.flat, shown, strict=True):
         for colour, value in zip(cycle(COLOURS), bearing["preload"].values, strict=False):
             for name, line in zip(names, ("-", "--"), strict=False):
+                title = f"{value:g} N" if line == "-" else None
                 values = bearing[name].sel(preload=value)
-                axes.plot(
-                    bearing["spindle_speed"],
-                    values,
-                    color=colour,
-                    linestyle=line,
-                    label=f"{value:g} N" if line == "-" else None,
-                )
+                draw_line(axes, bearing["spindle_speed"], values, color=colour, linestyle=line, label=title)
         axes.set_ylabel(label)
         over_speed(axes, lobes)
     grid.flat[1].set_title("solid: inner race, dashed: outer race", fontsize="small", loc="right")
@@ -193,7 +188,8 @@ def modes_over_speed(lobes: xr.Dataset, preload: float) -> Figure:
             for colour, number in zip(cycle(COLOURS), modes["mode"].values, strict=False):
                 values = modes[name].sel(axis=axis, mode=number)
                 title = f"mode {number}" if axis == drawn[0] else None
-                axes.plot(modes["spindle_speed"], values, AXIS_STYLE[axis], color=colour, label=title)
+                style = {"color": colour, "linestyle": AXIS_STYLE[axis], "label": title}
+                draw_line(axes, modes["spindle_speed"], values, **style)
         axes.set_yscale(scale)
         axes.set_ylabel(label)
         over_speed(axes, lobes)
@@ -214,7 +210,7 @@ def axes_of_modes(modes: xr.Dataset) -> tuple[tuple[str, ...], bool]:
 
 
 def _boundary(axes: Axes, limit: xr.DataArray, **style: Any) -> None:
-    axes.plot(limit["spindle_speed"], limit, linewidth=1.6, **style)
+    draw_line(axes, limit["spindle_speed"], limit, linewidth=1.6, **style)
 
 
 def _contour(axes: Axes, radius: xr.DataArray) -> None:
@@ -235,6 +231,16 @@ def _parameters(lobes: xr.Dataset) -> str:
 
 def _preload_label(lobes: xr.Dataset, preload: float) -> str:
     return f"preload {preload:g} N, " if bool(lobes["radial_stiffness"].notnull().any()) else ""
+
+
+def draw_line(axes: Axes, speed: Any, values: Any, **style: Any) -> None:
+    """Draw values (speed,) as a line, with a mark where one has no neighbour, of which a line shows nothing."""
+    known = np.isfinite(np.asarray(values, dtype=float))
+    beside = np.append(known[1:], False) | np.insert(known[:-1], 0, False)
+    alone = np.flatnonzero(known & ~beside).tolist()
+    if alone:
+        style |= {"marker": "o", "markersize": 5.0, "markevery": alone}
+    axes.plot(speed, values, **style)
 
 
 def panel(title: str) -> tuple[Figure, Axes]:

@@ -24,6 +24,8 @@ MAP_SIZE = (400, 160)
 #: Most combinations of which maps are held; a page has to stay below some megabytes.
 MOST_MAP_POINTS = 2_000_000
 PRELOAD, MODES = "preload", "modes"
+#: Sizes of marks on a line, and of one that stands alone.
+MARK, ALONE = 3, 8
 #: What the names of choices begin with.
 CHOICE = "choose"
 SPEED_LABEL, DEPTH_LABEL = "spindle speed [rpm]", "axial depth [mm]"
@@ -97,7 +99,9 @@ def _lobes(lobes: xr.Dataset, choices: Choices) -> tuple[figure, dict[str, Model
         source = choices.source(data, {SPEED: speed})
         sources[str(name)] = source
         line = made.line("speed", "limit", source=source, line_width=2, color=colour, line_dash=DASHES[STYLE[name]])
-        renderers.append(made.scatter("speed", "limit", source=source, size=3, color=colour))
+        renderers.append(
+            made.scatter("speed", "limit", source=source, size=MARK if len(speed) > 1 else ALONE, color=colour)
+        )
         entries[str(name)] = [line, renderers[-1]]
     made.add_tools(
         hover(
@@ -253,8 +257,12 @@ def _over_speed(
     """Return lines over speed, one for each title with its colour and dashes; columns have the titles' names."""
     made = plot(label, SPEED_LABEL, "", height=280, **options)
     _span(made, lobes, depth=False)
+    # A line of one speed is not seen.
+    one = lobes.sizes["spindle_speed"] == 1
     lines = {
-        title: made.line("speed", title, source=source, color=colour, line_dash=dashes, line_width=2)
+        title: made.scatter("speed", title, source=source, color=colour, size=ALONE)
+        if one
+        else made.line("speed", title, source=source, color=colour, line_dash=dashes, line_width=2)
         for title, (colour, dashes) in titles.items()
     }
     for title, line in lines.items():

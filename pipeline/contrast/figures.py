@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from pipeline.contrast.contrasted import Contrast
 from pipeline.contrast.lines import STUDIES
 from pipeline.contrast.plots import BAND, shown_lines
-from pipeline.figures import COLOURS
+from pipeline.figures import COLOURS, draw_line
 
 #: The file.
 NAME = "contrast.png"
@@ -23,7 +23,8 @@ def write(found: Contrast, folder: Path) -> list[Path]:
     line, speed = shown_lines(found)[0], found.pairs.speed
     for which, name in enumerate(STUDIES):
         label = f"{name}: {found.studies[which].place}"
-        limits.plot(speed, found.limit[which, line], STYLES[which], color=COLOURS[which], label=label)
+        style = {"linestyle": STYLES[which], "color": COLOURS[which]}
+        draw_line(limits, speed, found.limit[which, line], label=label, **style)
     limits.set_title(found.name_of(line), fontsize=9, loc="left")
     limits.set_ylabel("limit depth [mm]")
     limits.set_ylim(bottom=0.0)
@@ -33,7 +34,7 @@ def write(found: Contrast, folder: Path) -> list[Path]:
         below, above = np.nanquantile(found.ratio[:, told], BAND, axis=0)
         label = f"{BAND[0]:.0%} to {BAND[1]:.0%} of all lines"
         ratios.fill_between(speed[told], below, above, color=COLOURS[2], alpha=0.25, label=label)
-    ratios.plot(speed, found.ratio[line], color=COLOURS[2], label="this line")
+    draw_line(ratios, speed, found.ratio[line], color=COLOURS[2], label="this line")
     ratios.axhline(1.0, color="grey", lw=0.8, ls=":")
     ratios.set_xlabel("spindle speed [rpm]")
     ratios.set_ylabel("second over first")

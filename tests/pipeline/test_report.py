@@ -5,6 +5,7 @@ from collections import Counter
 import matplotlib
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 
@@ -12,6 +13,7 @@ from chatter_core.variables import STATUS
 from pipeline import figures, report
 from pipeline.contrast.contrasted import contrast
 from pipeline.contrast.lines import read
+from pipeline.dataset_figures import limits_over_speed
 from pipeline.places import Folder
 from pipeline.settings import Margins
 from pipeline.study_plots import study_plots
@@ -37,6 +39,12 @@ def lobes(study):
     made = stored(study)
     made["limit_depth"] *= (made["modal_parameters"] == "static") * 0.5 + 1.0
     return made
+
+
+def marked(axes: Axes) -> list[list[float]]:
+    """Return the speeds at which each line of a panel has a mark."""
+    places = [line.get_markevery() if line.get_marker() != "None" else [] for line in axes.lines]
+    return [np.asarray(line.get_xdata())[every].tolist() for line, every in zip(axes.lines, places, strict=True)]
 
 
 def drawn(axes: Axes) -> list[list[float]]:
@@ -151,10 +159,8 @@ def test_a_speed_that_is_stable_down_to_the_deepest_depth_is_not_left_out_of_wha
     # At 12000 rpm the boundary lies below all cells, at 13000 rpm one was not computed.
     lobes["limit_depth"] = lobes["limit_depth"].where(lobes["spindle_speed"] < 12000.0)
     depths = report._findings(without(lobes, 13000.0), 100.0)[0]
-    assert (
-        "The shallowest limit is 1.1 mm at 8000 rpm; depth times speed is largest at 12000 rpm with at least" in depths
-    )
-    assert depths.endswith("at least 2 mm.")
+    assert "The shallowest limit is 1.1 mm at 8000 rpm" in depths
+    assert "depth times speed is largest at 12000 rpm with at least 2 mm" in depths
 
 
 def test_lobes_at_rest_are_said_to_mislead_where_they_do(lobes):
@@ -166,3 +172,31 @@ def test_lobes_at_rest_are_said_to_mislead_where_they_do(lobes):
     assert "promise at least 2 mm where" in " ".join(report._findings(above, 100.0))
     alike = lobes.assign(limit_depth=lobes["limit_depth"] / (1.0 + 0.495 * static))
     assert "standing spindle" not in " ".join(report._findings(alike, 100.0))
+
+
+def test_a_point_without_a_neighbour_is_seen(lobes):
+    (axes,) = figures.lobes_by_preload(lobes, 100.0).axes
+    assert marked(axes) == [[], []]
+    # Between 9000 and 11000 rpm, and at the end, nothing else is known.
+    unknown = lobes["spindle_speed"].isin([9000.0, 11000.0, 12000.0])
+    gaps = lobes.assign(limit_depth=lobes["limit_depth"].where(~unknown))
+    (axes,) = figures.lobes_by_preload(gaps, 100.0).axes
+    assert marked(axes) == [[8000.0, 10000.0, 13000.0]] * 2
+    one = lobes.isel(spindle_speed=[2])
+    for draw in (figures.lobes_static_and_dynamic, figures.modes_over_speed, figures.bearing_over_speed):
+        for axes in draw(one, 100.0).axes:
+            assert marked(axes) == [[10000.0]] * len(axes.lines)
+    # A page's line over speed is a mark there, too.
+    plots = study_plots(one, 100.0)
+    assert {type(line.glyph).__name__ for line in plots["modal_mass"].renderers} == {"Scatter"}
+
+
+def test_limits_of_one_speed_are_seen_in_the_picture_of_a_data_set():
+    found = {"limit_depth": [[[1.0]], [[2.0]]], "limits_complete": [[[1]], [[1]]], "status": [[[1]], [[1]]]}
+    data = xr.Dataset(
+        {name: (("machine", "cut", "spindle_speed"), np.array(values)) for name, values in found.items()},
+        coords={"spindle_speed": [9000.0]},
+        attrs={"settings": {"design": {"deepest_mm": 10.0}}},
+    )
+    (axes,) = limits_over_speed(data).axes
+    assert marked(axes) == [[9000.0]] * 2
