@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
+from pipeline.kinds.lobes import modes_in_words
 from pipeline.lobes import known_limit, main_parameters, of_main_parameters, stability_limit
 
 matplotlib.use("Agg")
@@ -95,8 +96,7 @@ def lobes_by_mode_count(lobes: xr.Dataset, preload: float) -> Figure:
 
 def modes_label(lobes: xr.Dataset, number: int) -> str:
     """Return which modes a value of the dimension ``mode_count`` stands for."""
-    alone = lobes.attrs["settings"]["grid"]["mode_selection"] == "only"
-    return f"mode {number} alone" if alone or number == 1 else f"modes 1 to {number}"
+    return modes_in_words(lobes.attrs["settings"]["grid"]["mode_selection"], number)
 
 
 def most_modes(lobes: xr.Dataset) -> int:

@@ -107,11 +107,12 @@ def _event(line: str) -> Event | None:
 def _places(place: Place) -> Callable[[Event], str]:
     """Return what tells which chunk an event is of."""
     kind, group = kind_of(place), store.check(place)
+    attributes: dict[str, Any] = group.attrs.asdict()
     values = {name: store.whole(group, name).tolist() for name in kind.told_by}
 
     def told(event: Event) -> str:
         first, last = event[f"{kind.entry}s"]
-        return f"chunk {kind.told(values, tuple(event['outer']), first, last)}"
+        return f"chunk {kind.told(attributes['settings'], values, tuple(event['outer']), first, last)}"
 
     return told
 

@@ -155,7 +155,8 @@ def _findings(lobes: xr.Dataset, preload: float) -> list[str]:
     """Return what the study says, in sentences."""
     modes = int(lobes["mode_count"].max())
     limit = of_main_parameters(stability_limit(lobes)).sel(preload=preload, mode_count=modes)
-    found = _depths(limit, of_main_parameters(known_limit(lobes)).sel(preload=preload, mode_count=modes))
+    known = of_main_parameters(known_limit(lobes)).sel(preload=preload, mode_count=modes)
+    found = _depths(limit, known, figures.modes_label(lobes, modes))
     ranges = dominance(lobes)
     shown = ranges[
         (ranges["modal_parameters"] == limit["modal_parameters"].item())
@@ -177,8 +178,11 @@ def _findings(lobes: xr.Dataset, preload: float) -> list[str]:
     return found
 
 
-def _depths(limit: xr.DataArray, known: xr.DataArray) -> list[str]:
-    """Return where limits (speed,) are shallowest and best; known: the deepest depth where there is none for sure."""
+def _depths(limit: xr.DataArray, known: xr.DataArray, modes: str) -> list[str]:
+    """Return where limits (speed,) with some modes are shallowest and best.
+
+    known: the same, the deepest depth where there is none for sure.
+    """
     told, speed = [], limit["spindle_speed"].values
     if bool(limit.notnull().any()):
         least = int(limit.argmin("spindle_speed"))
@@ -187,8 +191,7 @@ def _depths(limit: xr.DataArray, known: xr.DataArray) -> list[str]:
         best = int((known * speed).argmax("spindle_speed"))
         at_least = "at least " if np.isnan(limit[best]) else ""
         told.append(f"depth times speed is largest at {speed[best]:.0f} rpm with {at_least}{float(known[best]):.3g} mm")
-    sentence = "; ".join(told)
-    return [f"{sentence[0].upper()}{sentence[1:]}."] if told else []
+    return [f"With {modes} {'; '.join(told)}."] if told else []
 
 
 def _who_sets_the_boundary(ranges: pd.DataFrame) -> str:
@@ -202,7 +205,8 @@ def _best_table(lobes: xr.Dataset) -> PageTable:
     main = main_parameters(lobes["modal_parameters"].values)
     cuts = best_cuts(lobes.sel(modal_parameters=[main]))
     cuts = cuts[cuts["mode_count"] == cuts["mode_count"].max()]
-    title = f"Cuts that remove most, {main} parameters, {margins_of(lobes.attrs)}"
+    modes = figures.modes_label(lobes, int(lobes["mode_count"].max()))
+    title = f"Cuts that remove most, {main} parameters, {modes}, {margins_of(lobes.attrs)}"
     columns = ["preload, N", "speed, rpm", "depth, mm", "removal rate, cm\N{SUPERSCRIPT THREE}/min", "boundary"]
     rows = [
         [

@@ -10,6 +10,7 @@ import pandas as pd
 from pipeline.contrast.lines import Lines
 from pipeline.contrast.pairs import SAME, Pairs, at_pairs, pair, value_in_words
 from pipeline.dataset_tables import MOST_NAMED
+from pipeline.kinds.lobes import modes_in_words
 from pipeline.lobes import main_parameters
 from pipeline.page import cell
 
@@ -63,7 +64,13 @@ class Contrast:
         """Return how people tell a line from the others."""
         inputs = self.studies[0].inputs
         own = None if inputs is None else inputs.iloc[self.pairs.lines[0][line]]
-        return _name(self.pairs.labels.iloc[line].to_dict(), own)
+        label = self.pairs.labels.iloc[line].to_dict()
+        return _name_of_lobes(label, self._selection) if own is None else _name_of_cut(label, own)
+
+    @property
+    def _selection(self) -> str:
+        """Which modes a number of them means in both sweeps."""
+        return str(self.studies[0].attributes["settings"]["grid"]["mode_selection"])
 
 
 def contrast(first: Lines, second: Lines) -> Contrast:
@@ -130,11 +137,18 @@ def _changed(found: Contrast) -> tuple[np.ndarray, np.ndarray]:
     return np.stack(changed, axis=1), (~np.isnan(lost)).sum(axis=1)
 
 
-def _name(label: Mapping[str, Any], inputs: pd.Series | None) -> str:
-    """Return how people tell one line from the others."""
-    if inputs is None:
-        # Machines of measured tip modes know no preload.
-        preload = f"{value_in_words(label['preload'])} N, " if label["preload"] else ""
-        return f"{label['modal_parameters']}, {preload}modes: {label['mode_count']}"
+def _name_of_lobes(label: Mapping[str, Any], selection: str) -> str:
+    """Return how people tell one line of lobes from the others; selection: which modes a number of them means."""
+    # Machines of measured tip modes know no preload.
+    preload = f"{value_in_words(label['preload'])} N, " if label["preload"] else ""
+    modes = label["mode_count"]
+    # Where each study has one number of modes alone, both are said.
+    kept = f"modes: {modes}" if isinstance(modes, str) else modes_in_words(selection, modes)
+    alone = ", each alone" if isinstance(modes, str) and selection == "only" else ""
+    return f"{label['modal_parameters']}, {preload}{kept}{alone}"
+
+
+def _name_of_cut(label: Mapping[str, Any], inputs: pd.Series) -> str:
+    """Return how people tell one cut of a data set from the others."""
     told = [f"{key.split('.')[-1]} {cell(value)}" for key, value in inputs.items()] if len(inputs) <= MOST_NAMED else []
     return f"machine {label['machine']}, cut {label['cut']}{': ' if told else ''}{', '.join(told)}"

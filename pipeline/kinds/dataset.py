@@ -139,7 +139,9 @@ class Dataset(Kind):
         first = described.design.spindle_speed_rpm.points()[-1:]
         function_of(self.kernel)(described.cuts_of(0, effects_path)[:1], **described.physics(first, 1))
 
-    def told(self, values: Mapping[str, list[Any]], outer: tuple[int, ...], first: int, last: int) -> str:
+    def told(
+        self, said: Mapping[str, Any], values: Mapping[str, list[Any]], outer: tuple[int, ...], first: int, last: int
+    ) -> str:
         """Return in words which chunk one is."""
         return f"machines {first} to {last - 1}"
 

@@ -98,8 +98,10 @@ class Kind(ABC):
         """Compute as little as has everything compiled that is compiled when first used."""
 
     @abstractmethod
-    def told(self, values: Mapping[str, list[Any]], outer: tuple[int, ...], first: int, last: int) -> str:
-        """Return in words which chunk one is; values: of the coordinates in ``told_by``."""
+    def told(
+        self, said: Mapping[str, Any], values: Mapping[str, list[Any]], outer: tuple[int, ...], first: int, last: int
+    ) -> str:
+        """Return in words which chunk one is; said: settings of the store; values: of coordinates in ``told_by``."""
 
     @abstractmethod
     def report(self, place: Place, **margins: float) -> list[Path]:

@@ -117,11 +117,14 @@ class Lobes(Kind):
             **{**described.common, "mode_selection": "up_to"},
         )
 
-    def told(self, values: Mapping[str, list[Any]], outer: tuple[int, ...], first: int, last: int) -> str:
+    def told(
+        self, said: Mapping[str, Any], values: Mapping[str, list[Any]], outer: tuple[int, ...], first: int, last: int
+    ) -> str:
         """Return in words which chunk one is."""
         parameters, preload, modes = (values[name][i] for name, i in zip(self.told_by[:3], outer, strict=True))
         begin, end = values["spindle_speed"][first], values["spindle_speed"][last - 1]
-        return f"{parameters}, {preload:g} N, {modes} mode{'s' if modes > 1 else ''}, {begin:g} to {end:g} rpm"
+        kept = modes_in_words(said["grid"]["mode_selection"], modes)
+        return f"{parameters}, {preload:g} N, {kept}, {begin:g} to {end:g} rpm"
 
     def report(self, place: Place, **margins: float) -> list[Path]:
         """Write tables, figures and the page of a sweep."""
@@ -129,6 +132,11 @@ class Lobes(Kind):
         from pipeline import report
 
         return report.write(place, **margins)
+
+
+def modes_in_words(selection: str, number: int) -> str:
+    """Return which modes a number of them stands for; selection: up to it, or only the one of that number."""
+    return f"mode {number} alone" if selection == "only" or number == 1 else f"modes 1 to {number}"
 
 
 def coordinate_values(settings: Settings) -> dict[str, np.ndarray]:

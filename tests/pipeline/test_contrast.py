@@ -150,8 +150,16 @@ def test_single_values_that_differ_are_what_is_held_against_each_other():
     second = ramp([2.0, 2.0], [1e4, 2e4])
     second = dataclasses.replace(second, labels=second.labels.assign(preload=200.0))
     both = contrast(ramp([1.0, 1.0], [1e4, 2e4]), second)
-    assert both.name_of(0) == "dynamic, 100 and 200 N, modes: 2"
+    assert both.name_of(0) == "dynamic, 100 and 200 N, modes 1 to 2"
     assert both.ratio.tolist() == [[2.0, 2.0]]
+
+
+def test_numbers_of_modes_that_differ_are_named_as_what_they_mean():
+    for selection, told in (("up_to", "modes: 2 and 3"), ("only", "modes: 2 and 3, each alone")):
+        attributes = {"settings": {"grid": {"mode_selection": selection}}}
+        first, second = (ramp([1.0, 1.0], [1e4, 2e4], attributes=attributes) for _ in range(2))
+        second = dataclasses.replace(second, labels=second.labels.assign(mode_count=3))
+        assert contrast(first, second).name_of(0) == f"dynamic, 100 N, {told}"
 
 
 @pytest.mark.parametrize(

@@ -44,10 +44,19 @@ def test_a_study_with_failures_tells_its_runs_from_the_first_to_the_last(tmp_pat
     told = capsys.readouterr().out.splitlines()
     assert "  begun by process " in told[0]
     assert "  workers: threads, to be watched at http://127.0.0.1:" in told[1]
-    assert any(", 200 N, 1 mode, 8000 to " in line and "outside validity" in line for line in told)
+    assert any(", 200 N, mode 1 alone, 8000 to " in line and "outside validity" in line for line in told)
     assert "  ended: " in told[-1]
     start = json.loads((tmp_path / "study" / FILE).read_text().splitlines()[0])
     assert told[0].startswith(start["time"][:10])
+
+
+def test_of_a_mode_that_is_alone_that_is_told(tmp_path, capsys):
+    assert sweep(tmp_path / "study", "grid.mode_selection=only", kernel="without_equilibrium") == 1
+    capsys.readouterr()
+    assert main(["journal", f"output={tmp_path / 'study'}"]) == 0
+    told = capsys.readouterr().out
+    assert ", 200 N, mode 2 alone, 8000 to " in told
+    assert "modes" not in told
 
 
 def test_a_damaged_study_or_one_without_a_journal_is_told(tmp_path, capsys):

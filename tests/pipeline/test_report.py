@@ -159,7 +159,7 @@ def test_a_speed_that_is_stable_down_to_the_deepest_depth_is_not_left_out_of_wha
     # At 12000 rpm the boundary lies below all cells, at 13000 rpm one was not computed.
     lobes["limit_depth"] = lobes["limit_depth"].where(lobes["spindle_speed"] < 12000.0)
     depths = report._findings(without(lobes, 13000.0), 100.0)[0]
-    assert "The shallowest limit is 1.1 mm at 8000 rpm" in depths
+    assert "the shallowest limit is 1.1 mm at 8000 rpm" in depths
     assert "depth times speed is largest at 12000 rpm with at least 2 mm" in depths
 
 
@@ -200,3 +200,13 @@ def test_limits_of_one_speed_are_seen_in_the_picture_of_a_data_set():
     )
     (axes,) = limits_over_speed(data).axes
     assert marked(axes) == [[9000.0]] * 2
+
+
+@pytest.mark.parametrize(("selection", "told"), [("up_to", "modes 1 to 2"), ("only", "mode 2 alone")])
+def test_which_modes_are_kept_is_said(lobes, study, selection, told):
+    lobes.attrs["settings"]["grid"]["mode_selection"] = selection
+    assert report._findings(lobes, 100.0)[0].startswith(f"With {told} the shallowest limit is")
+    assert f", {told}, " in report._best_table(lobes).title
+    lines = read(Folder(study), Margins().said)
+    lines.attributes["settings"]["grid"]["mode_selection"] = selection
+    assert contrast(lines, lines).name_of(1) == f"static, 100 N, {told}"
