@@ -4,11 +4,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from pydantic import ValidationError
+
 from chatter_core.errors import InvalidInput
-from chatter_core.reading import load_value, load_yaml, shown
+from chatter_core.reading import load_value, load_yaml, sentences, shown
 from pipeline.configuration import compose_settings, sort_words
-from pipeline.design import DatasetSettings, varied_of
+from pipeline.design import CUT_PARTS, DatasetSettings, Level, first_of_cuts, varied_of
 from pipeline.execution import execute_words
+from pipeline.keys import parts_of
 from pipeline.places import DATASET
 from pipeline.verbs.studies import FORMULA, VARY, DatasetOptions
 
@@ -57,16 +60,44 @@ def _taken(first: str, words: list[str]) -> tuple[dict[str, str], list[str]]:
 def _let_vary(data: dict[str, Any], varied: dict[str, str], formulas: dict[str, str]) -> None:
     """Put what ``vary.KEY=VALUE`` and ``formula.KEY=FORMULA`` words say into a design.
 
-    What varies takes the place of all that varied before, and of its formulas; formulas alone come to those there are.
+    What varies takes the place of all that varied before, and of its formulas; formulas alone come to those there are,
+    of the cut where they name what differs from cut to cut.
 
-    Raises InvalidInput for a value that is no distribution and no list.
+    Raises InvalidInput for a value that is no distribution and no list, and for levels that are none.
     """
     design = data.get("design") or {}
     if varied:
         data["design"] = {**design, "machine": {"vary": _levels(varied), "formulas": formulas}, "cut": {}}
     elif formulas:
-        machine = design.get("machine") or {}
-        data["design"] = {**design, "machine": {**machine, "formulas": {**(machine.get("formulas") or {}), **formulas}}}
+        data["design"] = _with_formulas(design, formulas)
+
+
+def _with_formulas(design: dict[str, Any], formulas: dict[str, str]) -> dict[str, Any]:
+    """Return a design with further formulas, each in the place of one of the same key."""
+    levels = {name: _level(design, name) for name in ("machine", "cut")}
+    of = {name: dict(level.formulas) for name, level in levels.items()}
+    for key, text in formulas.items():
+        here = "cut" if _is_of_cuts(key, text, (*levels["cut"].vary, *of["cut"])) else "machine"
+        of["cut" if here == "machine" else "machine"].pop(key, None)
+        of[here][key] = text
+    return {**design, **{name: {**(design.get(name) or {}), "formulas": of[name]} for name in of}}
+
+
+def _level(design: dict[str, Any], name: str) -> Level:
+    """Return a level of a design that was not read as a whole yet; raise InvalidInput where it is none."""
+    try:
+        return Level.model_validate(design.get(name) or {})
+    except ValidationError as error:
+        raise InvalidInput([f"design.{name}: {sentence}" for sentence in sentences(error, Level)]) from None
+
+
+def _is_of_cuts(key: str, text: str, of_cuts: tuple[str, ...]) -> bool:
+    """Return whether a formula can be of a cut, and names what differs from cut to cut."""
+    try:
+        return parts_of(key)[0] in CUT_PARTS and first_of_cuts(text, of_cuts) is not None
+    except ValueError:
+        # No key, or no formula: told once the design is read as a whole.
+        return False
 
 
 def _levels(varied: dict[str, str]) -> dict[str, Any]:

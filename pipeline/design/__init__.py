@@ -2,7 +2,19 @@
 
 from pipeline.design.described import Description, described
 from pipeline.design.drawing import PARTS, Drawn, draw
-from pipeline.design.settings import Design, Level, varied_of
+from pipeline.design.settings import CUT_PARTS, Design, Level, first_of_cuts, varied_of
 from pipeline.design.study import DatasetSettings
 
-__all__ = ["PARTS", "DatasetSettings", "Description", "Design", "Drawn", "Level", "described", "draw", "varied_of"]
+__all__ = [
+    "CUT_PARTS",
+    "PARTS",
+    "DatasetSettings",
+    "Description",
+    "Design",
+    "Drawn",
+    "Level",
+    "described",
+    "draw",
+    "first_of_cuts",
+    "varied_of",
+]

@@ -83,6 +83,31 @@ class Formula:
             raise ValueError(f"{self.text!r} is {found!r}, allowed: a comparison, such as a.b <= 2 * c.d")
         return found
 
+    def named(self) -> list[tuple[str | int, ...]]:
+        """Return the parts of every key that it names, as far as they are written out (``tool`` of ``tool[1 + 1]``)."""
+        return _named(self._parsed)
+
+
+def _named(node: ast.AST) -> list[tuple[str | int, ...]]:
+    if path := _path(node):
+        return [path]
+    return [found for inner in ast.iter_child_nodes(node) for found in _named(inner)]
+
+
+def _path(node: ast.AST) -> tuple[str | int, ...]:
+    """Return the parts of a key that a node is as a whole, none where it is no key or leaves one to be computed."""
+    match node:
+        case ast.Name(id=name):
+            return (name,)
+        case ast.Attribute(value=before, attr=last):
+            pass
+        case ast.Subscript(value=before, slice=ast.Constant(value=str() | int() as last)):
+            pass
+        case _:
+            return ()
+    path = _path(before)
+    return (*path, last) if path else ()
+
 
 def _keys(part: Any) -> frozenset[str]:
     """Return the keys at every depth of a description: all that may stand behind a dot."""

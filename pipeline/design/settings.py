@@ -1,6 +1,7 @@
 """What a design says: what varies and how, which combinations are left out, at which speeds, and how it is split."""
 
 import math
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -109,6 +110,19 @@ def flat(given: dict[str, Any], prefix: str = "") -> dict[str, Any]:
                 raise ValueError(f"{inner} stands twice, nested and dotted")
             found[inner] = value
     return found
+
+
+def first_of_cuts(text: str, keys: Iterable[str]) -> str | None:
+    """Return the first of some keys that a formula names, or a part or the whole of it; None where it names none.
+
+    keys: dotted ones, of what differs from cut to cut. Raises ValueError where the text is no formula.
+    """
+    named = formula(text).named()
+    return next((key for key in keys if any(_overlap(tuple(parts_of(key)), one) for one in named)), None)
+
+
+def _overlap(one: tuple[str | int, ...], other: tuple[str | int, ...]) -> bool:
+    return all(first == second for first, second in zip(one, other, strict=False))
 
 
 def varied_of(given: Any) -> Any:

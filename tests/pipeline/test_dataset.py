@@ -243,6 +243,53 @@ def test_a_formula_alone_comes_to_those_of_a_design(quick, tmp_path):
     assert kept["spindle.sections[0].outer_diameter_mm"] == "0.9 * tool.diameter_mm"
 
 
+def test_a_formula_of_what_differs_from_cut_to_cut_is_one_of_the_cut(quick, tmp_path):
+    formulas = ["formula.process.feed_per_tooth_mm=0.1 * process.radial_immersion"]
+    formulas += ["formula.cutting.kt_mpa=900 + 1000 * process.feed_per_tooth_mm"]
+    own = tmp_path / "design.yaml"
+    own.write_text(
+        "title: T\nsampling: grid\nseed: 1\nspindle_speed_rpm: [6000]\ndeepest_mm: 20\nmode_count: 2\n"
+        "machine: {vary: {tool.teeth: [2]}, formulas: {cutting: {kt_mpa: 500}}}\n"
+        "cut: {vary: {process.radial_immersion: [0.2, 1.0]}}\n"
+    )
+    words = ["study=dataset_small", f"design={own}", "cluster=serial", *formulas, f"output={tmp_path / 'out'}"]
+    assert dataset.run(words) == 0
+    low, high = np.log(values(tmp_path / "out")["limit_depth"].ravel())
+    # Feeds of 0.02 and 0.1 mm: kt differs by 80 MPa. As the stand-in goes with kt; the store keeps seven digits.
+    assert high - low == pytest.approx(80.0 / 4000.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("level", "told"),
+    [
+        (
+            "formulas: {process.feed_per_tooth_mm: 0.1 * process.radial_immersion}",
+            "design.machine.formulas: process.feed_per_tooth_mm: found process.radial_immersion, which differs from "
+            "cut to cut, allowed: keys that all cuts of a machine share; what of tool, cutting and process follows "
+            "from the others stands in cut",
+        ),
+        ("formulas: {spindle.preload_n: 900 * cutting.kn}", "spindle.preload_n: found cutting.kn, which differs"),
+        (
+            "formulas: {spindle.preload_n: '900 * cutting[\"kn\"]'}",
+            "spindle.preload_n: found cutting.kn, which differs",
+        ),
+        ("formulas: {cutting.kt_mpa: '3 * tool.pitch_angles_deg[0]'}", "found tool.pitch_angles_deg, which differs"),
+        ("constraints: [tool.teeth > 3 * process.radial_immersion]", "machine.constraints: tool.teeth > 3 *"),
+    ],
+)
+def test_what_is_said_of_a_machine_names_nothing_that_differs_from_cut_to_cut(tmp_path, level, told):
+    own = tmp_path / "design.yaml"
+    own.write_text(
+        "title: T\nsampling: grid\nseed: 1\nspindle_speed_rpm: [9000]\ndeepest_mm: 5\nmode_count: 2\n"
+        f"machine:\n  vary: {{tool.teeth: [2]}}\n  {level}\n"
+        "cut: {vary: {process.radial_immersion: [0.1], tool.pitch_angles_deg: [1]}, formulas: {cutting.kn: 0.3}}\n"
+    )
+    with pytest.raises(InvalidInput) as caught:
+        dataset.run(["study=dataset_small", f"design={own}", f"output={tmp_path / 'new'}"])
+    assert told in str(caught.value)
+    assert len(caught.value.problems) == 1
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
