@@ -20,8 +20,8 @@ ALL, MIDDLE_HALF = (0.0, 0.5, 1.0), (0.25, 0.5, 0.75)
 class OfValue:
     """What limit depths are where an input has a value.
 
-    name: the value as people read it; cuts: how many have it; middle, their median, with low and high, the band of all
-    of them or of their middle half: (speed,) [mm], NaN where nothing is known.
+    name: the value as people read it; cuts: how many have it and a limit depth; middle, their median, with low and
+    high, the band of all of them or of their middle half: (speed,) [mm], NaN where nothing is known.
     """
 
     name: str
@@ -48,5 +48,6 @@ def by_value(data: xr.Dataset) -> dict[str, list[OfValue]]:
 
 
 def _of_value(name: str, limit: np.ndarray) -> OfValue:
-    low, middle, high = quantiles(limit, ALL if len(limit) <= FEW else MIDDLE_HALF)
-    return OfValue(name=name, cuts=len(limit), low=low, middle=middle, high=high)
+    cuts = int(np.count_nonzero(~np.isnan(limit).all(axis=1)))
+    low, middle, high = quantiles(limit, ALL if cuts <= FEW else MIDDLE_HALF)
+    return OfValue(name=name, cuts=cuts, low=low, middle=middle, high=high)

@@ -128,7 +128,10 @@ def _tornado(told: pd.DataFrame, text: str) -> figure:
     keys = list(shown[KEY])
     swings = "change_at_low_percent" in shown
     label = "change of the lowest limit depth [%]" if swings else next(name for name in SHOWN if name in shown)
-    made = plot(text, label.replace("_", " "), "", height=120 + 22 * len(keys), y_range=keys)
+    # A title is not wrapped: a sentence a line.
+    lines = text.replace(". ", ".\n")
+    height = 120 + 22 * len(keys) + 18 * lines.count("\n")
+    made = plot(lines, label.replace("_", " "), "", height=height, y_range=keys)
     if swings:
         entries = {}
         for end, colour in (("low", COLOURS[0]), ("high", COLOURS[1])):

@@ -11,7 +11,17 @@ import xarray as xr
 from pipeline import csv_files, dataset_card, dataset_figures, page, store, survey
 from pipeline.by_value import FEW
 from pipeline.dataset_plots import dataset_plots
-from pipeline.dataset_tables import LOWEST, MOST_NAMED, RATE, samples_table, stable_throughout
+from pipeline.dataset_tables import (
+    BEST_ABOVE,
+    LOWEST,
+    LOWEST_ABOVE,
+    MOST_NAMED,
+    RATE,
+    deepest_mm,
+    samples_table,
+    stable_throughout,
+    with_result,
+)
 from pipeline.page import PageTable, provenance, table_of
 from pipeline.places import Place
 from pipeline.plots import embed
@@ -87,22 +97,36 @@ def _page(
 
 
 def _findings(data: xr.Dataset, samples: pd.DataFrame, untold: str) -> list[str]:
-    known = samples[LOWEST].dropna()
-    found = []
-    if len(known):
-        low, middle, high = np.quantile(known, [0.1, 0.5, 0.9])
-        found.append(
-            f"The lowest limit depth over all speeds is {middle:.3g} mm in the median, {low:.3g} to {high:.3g} mm in "
-            "four of five cuts."
-        )
-    found.append(f"{stable_throughout(data).mean():.1%} of all cuts and speeds are stable down to the deepest depth.")
+    found = _of_lowest(samples.dropna(subset=[LOWEST]), deepest_mm(data))
+    if results := np.count_nonzero(with_result(data)):
+        share = np.count_nonzero(stable_throughout(data)) / results
+        found.append(f"{share:.1%} of all cuts and speeds with a result are stable down to the deepest depth.")
     if samples[RATE].notna().any():
         best = samples.loc[samples[RATE].idxmax()]
+        deeper = f": no boundary was found near it down to {deepest_mm(data):g} mm" if best[BEST_ABOVE] else ""
         found.append(
             f"Most is removed by machine {best['machine']}, cut {best['cut']}: {best[RATE]:.3g} cm\N{SUPERSCRIPT THREE}"
-            f"/min at {best['with_spindle_speed_rpm']:.0f} rpm and {best['with_axial_depth_mm']:.3g} mm."
+            f"/min at {best['with_spindle_speed_rpm']:.0f} rpm and {best['with_axial_depth_mm']:.3g} mm{deeper}."
         )
     return [*found, *([untold] if untold else [])]
+
+
+def _of_lowest(known: pd.DataFrame, deepest: float) -> list[str]:
+    """Return what is found of the lowest limit depths that are known; deepest: depth that was looked at [mm]."""
+    if known.empty:
+        return []
+    shares, above = [0.1, 0.5, 0.9], known[LOWEST_ABOVE].astype(float)
+    # Cuts without a boundary come last in both orders: a quantile that one of them has a part in is only a bound.
+    low, middle, high = (
+        f"{'at least ' if bound > 0.0 else ''}{depth:.3g}"
+        for depth, bound in zip(np.quantile(known[LOWEST], shares), np.quantile(above, shares), strict=True)
+    )
+    found = [
+        f"The lowest limit depth over all speeds is {middle} mm in the median, {low} to {high} mm in four of five cuts."
+    ]
+    if count := np.count_nonzero(above):
+        found.append(f"{count} of {len(known)} cuts have no limit depth down to {deepest:g} mm, the deepest looked at.")
+    return found
 
 
 def _best_table(samples: pd.DataFrame, margins: Margins) -> PageTable:
@@ -117,7 +141,8 @@ def _best_table(samples: pd.DataFrame, margins: Margins) -> PageTable:
         RATE,
     ]
     names += ["with_spindle_speed_rpm", "with_axial_depth_mm"]
-    return table_of(f"The cuts that remove most, {margins}", best[names])
+    told = best[names].assign(boundary=np.where(best[BEST_ABOVE], "above the deepest", "found"))
+    return table_of(f"The cuts that remove most, {margins}", told)
 
 
 def _dependence_table(told: pd.DataFrame, text: str) -> PageTable:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -22,6 +23,8 @@ from pipeline.settings import margins_of
 MOST_NAMED = 3
 #: Columns of the table behind those of what varies.
 LOWEST, RATE = "lowest_limit_depth_mm", "removal_rate_cm3_min"
+#: Columns that say of a lowest limit depth, and of the cut that removes most, that no boundary was found there.
+LOWEST_ABOVE, BEST_ABOVE = "limit_above_deepest", "with_limit_above_deepest"
 
 
 def inputs_table(data: xr.Dataset) -> pd.DataFrame:
@@ -47,10 +50,20 @@ def limit_or_deepest(data: xr.Dataset) -> np.ndarray:
 
     NaN where there is no result, and where no boundary was found but one may have been missed.
     """
-    deepest = data.attrs["settings"]["design"]["deepest_mm"]
-    limit = filled_limit(data["limit_depth"].astype(float), data["limits_complete"], deepest)
+    limit = filled_limit(data["limit_depth"].astype(float), data["limits_complete"], deepest_mm(data))
     depths: np.ndarray = limit.where(data["status"] == STATUS["ok"]).values
     return depths.reshape(-1, data.sizes["spindle_speed"])
+
+
+def deepest_mm(data: xr.Dataset) -> float:
+    """Return the depth down to which limit depths were looked for [mm]."""
+    return float(data.attrs["settings"]["design"]["deepest_mm"])
+
+
+def with_result(data: xr.Dataset) -> np.ndarray:
+    """Return where there is a result (machine by cut, speed)."""
+    found: np.ndarray = (data["status"].values == STATUS["ok"]).reshape(-1, data.sizes["spindle_speed"])
+    return found
 
 
 def stable_throughout(data: xr.Dataset) -> np.ndarray:
@@ -71,7 +84,8 @@ def quantiles(limit: np.ndarray, shares: Sequence[float]) -> np.ndarray:
 def samples_table(data: xr.Dataset) -> pd.DataFrame:
     """Return a row for each cut: its numbers, part, what varies, lowest limit depth, and the cut that removes most.
 
-    The latter keeps from its boundary as the margins of the store say.
+    The latter keeps from its boundary as the margins of the store say. Two columns tell where the deepest depth stands
+    for a boundary that lies deeper than all depths that were looked at.
     """
     machines, cuts = data.sizes["machine"], data.sizes["cut"]
     limit = limit_or_deepest(data)
@@ -80,7 +94,7 @@ def samples_table(data: xr.Dataset) -> pd.DataFrame:
     lowest = settled.argmin(axis=1)
     rows = np.arange(len(limit))
     known = ~np.isnan(limit).all(axis=1)
-    best_speed, best_depth, best_rate = _best(data, limit, speed)
+    best = _best(data, limit, speed)
     return pd.DataFrame(
         {
             "machine": np.repeat(data["machine"].values, cuts),
@@ -89,9 +103,11 @@ def samples_table(data: xr.Dataset) -> pd.DataFrame:
             **inputs_table(data),
             LOWEST: np.where(known, settled[rows, lowest], np.nan),
             "at_spindle_speed_rpm": np.where(known, speed[lowest], np.nan),
-            RATE: best_rate,
-            "with_spindle_speed_rpm": best_speed,
-            "with_axial_depth_mm": best_depth,
+            LOWEST_ABOVE: stable_throughout(data)[rows, lowest],
+            RATE: best.rate,
+            "with_spindle_speed_rpm": best.speed,
+            "with_axial_depth_mm": best.depth,
+            BEST_ABOVE: best.above_deepest,
             "speeds_without_result": np.isnan(limit).sum(axis=1),
         }
     )
@@ -109,10 +125,28 @@ def removal_factors(data: xr.Dataset, rows: Sequence[int]) -> np.ndarray:
     return np.array([removal_rate(cuts_of(row // cuts)[row % cuts], 1.0, 1.0) for row in each])
 
 
-def _best(data: xr.Dataset, limit: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return speed [rpm], depth [mm] and rate [cm3/min] of the cut that removes most (row,), NaN where none is safe."""
-    depth = safe_depth(limit, speed, margins_of(data.attrs))
+class _Best(NamedTuple):
+    """The cut that removes most (row,): speed [rpm], depth [mm], rate [cm3/min], NaN where none is safe.
+
+    above_deepest: whether no boundary was found at its speed and near it, so that it may be far from one.
+    """
+
+    speed: np.ndarray
+    depth: np.ndarray
+    rate: np.ndarray
+    above_deepest: np.ndarray
+
+
+def _best(data: xr.Dataset, limit: np.ndarray, speed: np.ndarray) -> _Best:
+    margins = margins_of(data.attrs)
+    depth = safe_depth(limit, speed, margins)
     rate = removal_factors(data, range(len(limit)))[:, None] * depth * speed
     rows, best = np.arange(len(limit)), np.nan_to_num(rate, nan=-np.inf).argmax(axis=1)
     safe = ~np.isnan(rate[rows, best])
-    return np.where(safe, speed[best], np.nan), depth[rows, best], rate[rows, best]
+    without_boundary = np.isinf(safe_depth(np.where(stable_throughout(data), np.inf, limit), speed, margins))
+    return _Best(
+        speed=np.where(safe, speed[best], np.nan),
+        depth=depth[rows, best],
+        rate=rate[rows, best],
+        above_deepest=without_boundary[rows, best],
+    )

@@ -11,7 +11,7 @@ import xarray as xr
 from SALib.analyze import sobol
 from scipy import stats
 
-from pipeline.dataset_tables import inputs_table, limit_or_deepest
+from pipeline.dataset_tables import deepest_mm, inputs_table, limit_or_deepest, stable_throughout
 
 #: Fewer cuts than this for each input say nothing of shares.
 FEWEST_EACH = 8
@@ -27,10 +27,22 @@ def sensitivity(data: xr.Dataset) -> tuple[pd.DataFrame, str]:
     """
     limit = limit_or_deepest(data)
     known = ~np.isnan(limit).any(axis=1)
-    lowest = np.where(known, limit.min(axis=1), np.nan)
+    without_boundary = known & stable_throughout(data).all(axis=1)
+    told, text = _told(data, np.where(known, limit.min(axis=1), np.nan), known, bool(without_boundary[0]))
+    if count := np.count_nonzero(without_boundary):
+        of = f"{count} of {np.count_nonzero(known)} cuts"
+        text += f" {of} are stable down to {deepest_mm(data):g} mm at all speeds, and count with that depth."
+    return told, text
+
+
+def _told(data: xr.Dataset, lowest: np.ndarray, known: np.ndarray, at_least: bool) -> tuple[pd.DataFrame, str]:
+    """Return what ``sensitivity`` does, of lowest limit depths (row,) [mm], NaN where not known at all speeds (row,).
+
+    at_least: whether that of the first row, which may be the machine as described, is only a bound.
+    """
     sampling = data.attrs["settings"]["design"]["sampling"]
     if sampling == "one_at_a_time":
-        return _swings(data, lowest)
+        return _swings(data, lowest, at_least)
     keys = [str(key) for key in data["input_key"].values]
     numbers = data["input"].values.reshape(-1, len(keys))
     if sampling == "grid" or known.sum() < FEWEST_EACH * len(keys) or np.ptp(lowest[known]) == 0.0:
@@ -41,7 +53,7 @@ def sensitivity(data: xr.Dataset) -> tuple[pd.DataFrame, str]:
     return _of_given(keys, numbers[known], np.log(lowest[known]))
 
 
-def _swings(data: xr.Dataset, lowest: np.ndarray) -> tuple[pd.DataFrame, str]:
+def _swings(data: xr.Dataset, lowest: np.ndarray, at_least: bool) -> tuple[pd.DataFrame, str]:
     """Return the change of the lowest limit depth with each key at its low and its high end, in per cent."""
     if np.isnan(lowest[0]):
         return pd.DataFrame(), "Changes are not told: the machine as described has no result at some speed."
@@ -61,7 +73,8 @@ def _swings(data: xr.Dataset, lowest: np.ndarray) -> tuple[pd.DataFrame, str]:
         )
     table = pd.DataFrame(rows)
     order = np.abs(table[["change_at_low_percent", "change_at_high_percent"]]).max(axis=1).fillna(0.0)
-    text = f"Change of the lowest limit depth, {lowest[0]:.3g} mm as described, with one key at its low and high end."
+    described = f"{'at least ' if at_least else ''}{lowest[0]:.3g} mm"
+    text = f"Change of the lowest limit depth, {described} as described, with one key at its low and high end."
     return table.iloc[np.argsort(-order.values, kind="stable")].reset_index(drop=True), text
 
 

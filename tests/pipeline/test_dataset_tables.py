@@ -1,6 +1,7 @@
 """What people read of a data set: numbers as they were said, words as they were written, dependence on choices."""
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from markdown_it import MarkdownIt
@@ -13,7 +14,17 @@ from pipeline.dataset_card import prose
 from pipeline.dataset_tables import inputs_table, stable_throughout
 from pipeline.kinds import Dataset
 from pipeline.places import DATASET as STORE
-from tests.pipeline.test_dataset import SMALL
+from tests.pipeline.test_dataset import SMALL, standin
+
+#: The stand-in has its limits at these speeds near 1.7, 2.2 and 2.8 mm, by preload.
+SHALLOW = (
+    "study=parameter_study",
+    "cluster=serial",
+    "design.spindle_speed_rpm=[6000, 6100]",
+    "design.deepest_mm=2",
+    "margins.speed_percent=0",
+)
+PRELOADS = "vary.spindle.preload_n=[100, 50, 150]"
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +63,49 @@ def test_a_cut_of_which_a_limit_may_have_been_missed_is_not_called_stable():
         attrs={"settings": {"design": {"deepest_mm": 4.0}}},
     )
     assert stable_throughout(data).tolist() == [[False, True, False, False]]
+
+
+def complete(cuts, **told):
+    """Return what the stand-in does, of a search that missed no boundary."""
+    arrays, status = standin(cuts, **told)
+    return {**arrays, "limits_complete": np.ones_like(arrays["limits_complete"])}, status
+
+
+@pytest.fixture
+def searched(monkeypatch):
+    """Compute with the stand-in whose search is complete."""
+    monkeypatch.setattr(Dataset, "kernel", "tests.pipeline.test_dataset_tables:complete")
+
+
+def test_the_deepest_depth_is_not_told_as_a_limit_depth(searched, tmp_path):
+    assert dataset.run([*SHALLOW, PRELOADS, f"output={tmp_path}"]) == 0
+    table = pd.read_csv(tmp_path / "tables" / "samples.csv").set_index("spindle.preload_n")
+    for column in ("limit_above_deepest", "with_limit_above_deepest"):
+        assert table[column].to_dict() == {100: True, 50: False, 150: True}
+    assert table["lowest_limit_depth_mm"][100] == 2.0
+    page = (tmp_path / "report.html").read_text()
+    assert "is at least 2 mm in the median" in page
+    assert "2 of 3 cuts have no limit depth down to 2 mm, the deepest looked at." in page
+    assert "and 1.8 mm: no boundary was found near it down to 2 mm." in page
+    assert "above the deepest" in page
+
+
+def test_what_the_limit_depends_on_says_how_many_limits_are_only_bounds(searched, tmp_path):
+    assert dataset.run([*SHALLOW, PRELOADS, "design.sampling=one_at_a_time", f"output={tmp_path}"]) == 0
+    with xr.open_zarr(tmp_path / STORE) as data:
+        _, text = sensitivity.sensitivity(data.load())
+    assert "at least 2 mm as described" in text
+    assert text.endswith(" 2 of 3 cuts are stable down to 2 mm at all speeds, and count with that depth.")
+
+
+def test_shares_and_counts_are_of_what_has_a_result(searched, tmp_path):
+    words = [*SHALLOW, "vary.spindle.preload_n=[100, 50, 600]", f"output={tmp_path}"]
+    # The stand-in has no result at 600 N.
+    assert dataset.run(words) == 1
+    assert "50.0% of all cuts and speeds with a result are stable" in (tmp_path / "report.html").read_text()
+    with xr.open_zarr(tmp_path / STORE) as data:
+        found = by_value(data.load())["spindle.preload_n"]
+    assert [(one.name, one.cuts) for one in found] == [("50", 1), ("100", 1), ("600", 0)]
 
 
 def test_a_title_is_shown_as_it_was_written(output):
