@@ -135,8 +135,9 @@ def _prepare(settings: Study, place: Place, argv: list[str]) -> None:
     names = place.names()
     if {RECORD, place.root} <= names:
         existing: dict[str, Any] = store.check(place).attrs.asdict()
-        if existing.get("fingerprint") != settings.fingerprint():
-            wanted = json.loads(json.dumps(settings.scientific()))
+        wanted = json.loads(json.dumps(settings.scientific()))
+        # Not by their digests, which tell 1 from 1.0; the version of the store is among the settings.
+        if existing.get("settings") != wanted:
             keys = differing_keys(existing.get("settings", {}), wanted)
             shown = ", ".join(keys[:12]) + (f" and {len(keys) - 12} more" if len(keys) > 12 else "")
             raise InvalidInput([f"{place}: holds a study with other settings; they differ in: {shown}"])

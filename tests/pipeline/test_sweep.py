@@ -8,7 +8,7 @@ from chatter_core.variables import CELL_STATUS, STATUS, STRUCTURE, SWEEP
 from pipeline import store
 from pipeline.places import Folder
 from pipeline.sweep import run
-from tests.pipeline.studies import journal, sweep
+from tests.pipeline.studies import CHUNKS, journal, sweep
 
 
 def arrays(folder):
@@ -130,6 +130,15 @@ def test_a_store_of_other_settings_is_refused_with_the_keys(without_report, tmp_
     with pytest.raises(InvalidInput, match=r"differ in: machine\.process\.radial_immersion, machine\.tool\.teeth"):
         sweep(tmp_path, "tool.teeth=3", "process.radial_immersion=0.5")
     assert_same(before, arrays(tmp_path))
+
+
+def test_a_number_may_be_written_with_a_point_or_without(without_report, tmp_path):
+    effect = "effects=[thermal_preload]"
+    assert sweep(tmp_path, effect, "effects.thermal_preload.rise=1") == 0
+    assert sweep(tmp_path, effect, "effects.thermal_preload.rise=1.0") == 0
+    assert len(journal(tmp_path, "chunk")) == CHUNKS
+    with pytest.raises(InvalidInput, match=r"differ in: effects\.thermal_preload\.rise$"):
+        sweep(tmp_path, effect, "effects.thermal_preload.rise=1.5")
 
 
 def test_a_folder_with_other_files_is_refused(tmp_path):
