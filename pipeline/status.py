@@ -25,14 +25,17 @@ PATIENCE = 60.0
 class Progress:
     """How far a study is.
 
-    study: its name; cells: by status; chunks: how many there are, and written: when each was that is there, ascending
-    [s since 1970]; now: when this was seen.
+    study: its name; cells: by status; chunks: how many there are, and chunks_written: how many of them are there;
+    written: when each of their files was, ascending [s since 1970]; packed: whether those hold many chunks each; now:
+    when this was seen.
     """
 
     study: str
     cells: dict[str, int]
     chunks: int
+    chunks_written: int
     written: np.ndarray
+    packed: bool
     now: float
 
     @property
@@ -47,10 +50,17 @@ class Progress:
 
     @property
     def rate(self) -> float | None:
-        """Chunks a second, lately; None where fewer than two were written."""
+        """Chunks a second, lately; None where fewer than two were written, and where files do not tell of chunks."""
+        if self.packed:
+            return None
         recent = self.written[self.written > self.written[-1] - RECENT] if len(self.written) else self.written
         apart = float(np.ptp(recent)) if len(recent) > 1 else 0.0
         return (len(recent) - 1) / apart if apart > 0.0 else None
+
+    @property
+    def last_ago(self) -> float | None:
+        """Seconds since the last chunk was written; None where there is none, and where files do not tell of chunks."""
+        return None if self.packed or not len(self.written) else self.now - float(self.written[-1])
 
     @property
     def state(self) -> str:
@@ -65,7 +75,7 @@ class Progress:
     @property
     def seconds_left(self) -> float | None:
         """Seconds until all chunks are there at the latest rate; None where that is not known."""
-        missing = self.chunks - len(self.written)
+        missing = self.chunks - self.chunks_written
         return missing / self.rate if self.rate else None
 
 
@@ -88,7 +98,9 @@ def progress(place: Place) -> Progress:
         study=str(group.attrs["study"]),
         cells=dict(survey.counts(place)),
         chunks=len(store.chunks(group)),
+        chunks_written=int(np.count_nonzero(survey.written_chunks(place, group, "status"))),
         written=store.written_at(place),
+        packed=store.is_packed(group),
         now=time.time(),
     )
 
@@ -102,10 +114,10 @@ def document(found: Progress) -> dict[str, Any]:
         "cells_done": found.done,
         "cells_failed": found.failed,
         "cells_total": sum(found.cells.values()),
-        "chunks_written": len(found.written),
+        "chunks_written": found.chunks_written,
         "chunks_total": found.chunks,
         "chunks_per_second": found.rate,
-        "last_chunk_seconds_ago": found.now - float(found.written[-1]) if len(found.written) else None,
+        "last_chunk_seconds_ago": found.last_ago,
         "seconds_left": found.seconds_left if found.state == "computing" else None,
     }
 
@@ -117,12 +129,12 @@ def text(found: Progress) -> str:
         f"study {found.study}: {found.state}",
         f"cells:  {found.done} of {total} ({100.0 * found.done / total:.1f} %)"
         + "".join(f", {count} {name}" for name, count in found.cells.items()),
-        f"chunks: {len(found.written)} of {found.chunks}",
+        f"chunks: {found.chunks_written} of {found.chunks}",
     ]
     if found.rate:
         lines.append(f"rate:   {found.rate:.3g} chunks a second, {found.rate * total / found.chunks:.0f} cells")
-    if len(found.written):
-        lines.append(f"last:   a chunk {_duration(found.now - float(found.written[-1]))} ago")
+    if found.last_ago is not None:
+        lines.append(f"last:   a chunk {_duration(found.last_ago)} ago")
     if found.state == "computing" and found.seconds_left is not None:
         lines.append(f"left:   {_duration(found.seconds_left)} at this rate")
     if found.state == "interrupted":

@@ -7,7 +7,7 @@ import xarray as xr
 
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import SWEEP
-from pipeline import execution, metadata, report, store, verify
+from pipeline import execution, metadata, report, status, store, verify
 from pipeline.__main__ import main
 from pipeline.chunks import Chunk
 from pipeline.pack import SHARD_BYTES, pack, shard_shape
@@ -43,6 +43,16 @@ def test_a_packed_store_holds_the_same_in_few_files(output: Path, capsys: pytest
         assert len([file for file in (output / "lobes.zarr" / name / "c").rglob("*") if file.is_file()]) == 1
     assert not verify.damage(Folder(output))
     assert not {entry.name for entry in output.iterdir()} & {PACKING, f"{UNPACKED}lobes.zarr"}
+
+
+def test_a_packed_study_has_all_its_chunks_and_no_rate(output: Path) -> None:
+    pack(Folder(output))
+    found = status.progress(Folder(output))
+    assert (found.state, found.chunks_written, found.chunks) == ("complete", CHUNKS, CHUNKS)
+    assert f"chunks: {CHUNKS} of {CHUNKS}" in status.text(found)
+    # The times of its few files are those of packing.
+    told = status.document(found)
+    assert [told[key] for key in ("chunks_per_second", "last_chunk_seconds_ago", "seconds_left")] == [None] * 3
 
 
 def test_packing_twice_changes_nothing_and_a_run_finds_nothing_to_do(output: Path) -> None:
