@@ -166,6 +166,24 @@ def compose_settings(
     return settings
 
 
+def modal_parameters_of(base: str, beside: Iterable[str]) -> str:
+    """Return where a base model takes the bearings' stiffness, with words ``key=value`` beside it that say so, too.
+
+    Raises InvalidInput for every one of these that says something else.
+    """
+    held, problems = BASES[base], []
+    for word in beside:
+        try:
+            agrees = load_value(word.partition("=")[2]) in (held, [held])
+        except ValueError:
+            agrees = False
+        if not agrees:
+            problems.append(f"base: found {base}, which holds {held} parameters, beside {word}; say one of the two")
+    if problems:
+        raise InvalidInput(problems)
+    return held
+
+
 def _own_folder(words: Words) -> Path | None:
     """Return the folder of effects that words name; raise InvalidInput where it is none, whether one is on or not."""
     if EFFECTS_PATH not in words.options:

@@ -16,7 +16,7 @@ from chatter_core.tip import AXES, most_modes
 from chatter_core.units import si_factor
 from chatter_core.variables import BIFURCATION, STATUS
 from pipeline.answer_folder import write_text
-from pipeline.configuration import BASES, compose_settings, sort_words
+from pipeline.configuration import compose_settings, modal_parameters_of, sort_words
 from pipeline.errors import told_where
 from pipeline.locking import make_folder
 from pipeline.telling import complain, fact, say, wrote
@@ -31,7 +31,8 @@ def run(words: list[str]) -> int:
     sorted_words = sort_words(words, PointOptions.fields())
     options = PointOptions.read(sorted_words.options)
     if "base" in sorted_words.options:
-        options = options.model_copy(update={"modal_parameters": BASES[options.base]})
+        beside = [f"{key}={said}" for key, said in sorted_words.options.items() if key == "modal_parameters"]
+        options = options.model_copy(update={"modal_parameters": modal_parameters_of(options.base, beside)})
     settings = compose_settings(sorted_words)
     machine = settings.machine
     if options.preload_n is not None:

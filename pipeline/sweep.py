@@ -1,12 +1,14 @@
 """The main job: a grid of operating points into a store."""
 
-from pipeline.configuration import BASES, compose_settings, sort_words
+from pipeline.configuration import compose_settings, modal_parameters_of, sort_words
 from pipeline.execution import execute_words
 from pipeline.places import LOBES
 from pipeline.verbs.studies import SweepOptions
 
 #: Words of a sweep beside those of its study.
 OPTIONS = tuple(SweepOptions.fields())
+#: The key that says what a base model says, too.
+PARAMETERS = "grid.modal_parameters"
 
 
 def run(words: list[str]) -> int:
@@ -14,7 +16,8 @@ def run(words: list[str]) -> int:
     sorted_words = sort_words(words, OPTIONS)
     options = SweepOptions.read(sorted_words.options)
     if "base" in sorted_words.options:
-        sorted_words.values.append(f"grid.modal_parameters=[{BASES[options.base]}]")
+        beside = [word for word in sorted_words.values if word.startswith(PARAMETERS)]
+        sorted_words.values.append(f"{PARAMETERS}=[{modal_parameters_of(options.base, beside)}]")
     settings = compose_settings(sorted_words)
     retry = options.retry_failed == "true"
     return execute_words(settings, sorted_words, words, root=LOBES, retry_failed=retry)

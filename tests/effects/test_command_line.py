@@ -61,10 +61,28 @@ def test_the_static_base_and_what_restores_it(capsys):
             "error: effects.process_damping: the effect is not on; say effects=[process_damping]",
         ),
         (["base=static"], "error: base: found 'static', allowed: one of 'full' or 'static_bearing'"),
+        (
+            ["base=static_bearing", "modal_parameters=dynamic"],
+            "error: base: found static_bearing, which holds static parameters, beside modal_parameters=dynamic; "
+            "say one of the two",
+        ),
     ],
 )
 def test_mistakes_get_one_sentence(capsys, words, said):
     assert complaint(capsys, *words) == said
+
+
+@pytest.mark.parametrize("said", ["[static]", "[dynamic, static]", "static", "["])
+def test_a_base_model_and_other_parameters_of_a_sweep_contradict_each_other(capsys, tmp_path, said):
+    words = ["study=smoke", "base=full", f"grid.modal_parameters={said}", f"output={tmp_path / 'new'}"]
+    assert main(["sweep", *words]) == 2
+    told = f"base: found full, which holds dynamic parameters, beside grid.modal_parameters={said}; say one of the two"
+    assert told in capsys.readouterr().err
+
+
+def test_a_base_model_may_stand_beside_parameters_that_it_holds(capsys):
+    agreed = answer(capsys, "base=static_bearing", "modal_parameters=static")
+    assert agreed == answer(capsys, "base=static_bearing")
 
 
 def test_a_machine_without_bearings_is_told_so(capsys, tmp_path: Path):
