@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from chatter_core.chain import Structure, structure
+from chatter_core.chain import Structure, milling_equation, structure
 from chatter_core.errors import InvalidInput
 from chatter_core.floquet import MethodSettings
 from chatter_core.lobes import evaluate_to_tolerance, lobe_block
@@ -34,7 +34,7 @@ def run(words: list[str]) -> int:
         beside = [f"{key}={said}" for key, said in sorted_words.options.items() if key == "modal_parameters"]
         options = options.model_copy(update={"modal_parameters": modal_parameters_of(options.base, beside)})
     settings = compose_settings(sorted_words)
-    machine = settings.machine
+    machine, depths_mm = settings.machine, settings.grid.axial_depth_mm.points()
     if options.preload_n is not None:
         if machine.spindle is None:
             raise InvalidInput(["preload_n: not allowed for a machine of measured tip modes, which knows no preload"])
@@ -42,12 +42,12 @@ def run(words: list[str]) -> int:
     if options.output is not None:
         make_folder(options.output)
     try:
-        answer = answer_point(settings.model(machine), options, settings.method, settings.grid.axial_depth_mm.points())
+        answer = answer_point(settings.model(machine), options, settings.method, depths_mm)
     except InvalidInput as error:
         # The chain speaks of mode_count, which is called modes here.
         raise InvalidInput([problem.replace("mode_count:", "modes:", 1) for problem in error.problems]) from None
     fact(**answer)
-    say(_readable(answer, options))
+    say(_readable(answer, options, _searched(depths_mm, options, answer["status"])[-1]))
     if options.output is not None:
         file = options.output / "point.json"
         with told_where(file):
@@ -64,7 +64,7 @@ def answer_point(
 ) -> dict[str, Any]:
     """Return what is known of an operating point, in the units of the keys.
 
-    Limit depths are looked for down to the last of ``depths_mm``.
+    Limit depths are looked for down to the last of ``depths_mm``, or to a deeper one asked for that has a result.
     """
     stages = stages_of(model)
     machine = stages.machine
@@ -73,16 +73,16 @@ def answer_point(
     count = options.modes or (USUAL_MODES if machine.tip is None else most_modes(machine.tip))
     built = structure(stages, speed, mode_count=count, modal_parameters=options.modal_parameters)
     stability, error = evaluate_to_tolerance(stages, built, depth, method)
+    status = _name(STATUS, stability.status[0])
     block = lobe_block(
         stages,
         spindle_speed=speed,
-        axial_depth=depths_mm * si_factor("axial_depth_mm"),
+        axial_depth=_searched(depths_mm, options, status) * si_factor("axial_depth_mm"),
         mode_count=count,
         modal_parameters=options.modal_parameters,
         method=method,
         cells="adaptive",
     )
-    status = _name(STATUS, stability.status[0])
     multiplier = complex(stability.multiplier[0])
     return {
         "bearings": _bearings(machine, built),
@@ -94,22 +94,39 @@ def answer_point(
         "limit_depths_mm": [
             float(f"{d / si_factor('depth_mm'):.6g}") for d in block.limit_depth[0] if math.isfinite(d)
         ],
+        "limits_complete": bool(block.limits_complete[0]),
         "dominant_mode": int(stability.dominant_mode[0]) or None,
         "mode_shares": [_number(share) for share in stability.mode_share[0]],
         "method": method.name,
         "error_estimate": _number(error[0]),
         "status": status,
-        "reason": _reason(built, status),
+        "reason": _reason(stages, built, depth, status),
     }
 
 
-def _reason(built: Structure, status: str) -> str:
+def _searched(depths_mm: np.ndarray, options: PointOptions, status: str) -> np.ndarray:
+    """Return depths (depth,) [mm] down to the one that is asked for: the boundary that it lies beyond is among them.
+
+    One without a result would leave the search with nothing to hold on to, and is no part of it.
+    """
+    asked = [options.axial_depth_mm] if status == "ok" and options.axial_depth_mm > depths_mm[-1] else []
+    return np.concatenate([depths_mm, asked])
+
+
+def _reason(stages: Stages, built: Structure, depth: np.ndarray, status: str) -> str:
+    """Return why a depth (1,) [m] has no result, and what to do; nothing where it has one."""
     if status == "ok":
         return ""
     if not built.solved[0]:
         return "the bearing has no equilibrium at this speed and preload; raise the preload or lower the speed"
     if status == "outside_validity":
         return "the spindle is so slow that the waves of its fastest mode in a tooth period cannot be resolved"
+    forced_motion = milling_equation(stages, built, np.array([0]), depth).known
+    if forced_motion is not None and not forced_motion[0]:
+        return (
+            "no motion that repeats with the revolution was found for these uneven teeth, as happens mostly far beyond "
+            "the limit depth; try a smaller depth"
+        )
     return "the Floquet analysis did not meet its tolerance; allow a larger method.tolerance"
 
 
@@ -153,8 +170,18 @@ def _name(codes: dict[str, int], code: Any) -> str:
     return next(name for name, number in codes.items() if number == int(code))
 
 
-def _readable(answer: dict[str, Any], options: PointOptions) -> str:
-    """Return the answer as text for a terminal."""
+def _limits(answer: dict[str, Any], deepest_mm: float) -> str:
+    """Return limit depths in words, and what is known of others down to the deepest depth that was looked at."""
+    found = ", ".join(f"{depth:.4g} mm" for depth in answer["limit_depths_mm"])
+    if not answer["limits_complete"]:
+        others = f"{found}, perhaps others" if found else "none found"
+        return f"{others}: the search down to {deepest_mm:g} mm was not complete"
+    stable = answer["spectral_radius"] < 1.0
+    return found or (f"none down to {deepest_mm:g} mm" if stable else "shallower than all depths looked at")
+
+
+def _readable(answer: dict[str, Any], options: PointOptions, deepest_mm: float) -> str:
+    """Return the answer as text for a terminal; deepest_mm: down to which limit depths were looked for."""
     lines = [
         f"{options.spindle_speed_rpm:g} rpm, {options.axial_depth_mm:g} mm deep, {options.modal_parameters} parameters"
     ]
@@ -174,15 +201,12 @@ def _readable(answer: dict[str, Any], options: PointOptions) -> str:
     ]
     if answer["status"] == "ok":
         verdict = "stable" if answer["spectral_radius"] < 1.0 else "chatter"
-        limits = ", ".join(f"{d:.4g} mm" for d in answer["limit_depths_mm"]) or (
-            "none down to the deepest of the grid" if answer["spectral_radius"] < 1.0 else "above all depths looked at"
-        )
         lines += [
             "",
             f"{verdict}: spectral radius {answer['spectral_radius']:.6g} (error about {answer['error_estimate']:.1e}), "
             f"{answer['bifurcation']}",
             f"chatter frequency {answer['chatter_frequency_hz']:.5g} Hz, dominant mode {answer['dominant_mode']}",
-            f"limit depths at this speed: {limits}",
+            f"limit depths at this speed: {_limits(answer, deepest_mm)}",
         ]
     return "\n".join(lines)
 

@@ -6,6 +6,7 @@ import os
 import pytest
 import yaml
 
+from pipeline import point
 from pipeline.__main__ import main
 
 POINT = ["point", "spindle_speed_rpm=12000", "axial_depth_mm=1"]
@@ -36,6 +37,43 @@ def test_point_answers_bearing_and_modes_of_the_reference_machine(capsys):
 def test_point_beyond_the_limit_says_chatter(capsys):
     assert main(["point", "spindle_speed_rpm=14000", "axial_depth_mm=1.5"]) == 0
     assert "chatter: spectral radius" in capsys.readouterr().out
+
+
+def test_the_boundary_above_a_depth_beyond_the_grid_is_found(capsys):
+    words = ["spindle_speed_rpm=8000", "modes=1"]
+    code, said = answer(capsys, *words, "axial_depth_mm=12")
+    assert (code, said["limits_complete"]) == (0, True)
+    (limit,) = said["limit_depths_mm"]
+    assert 6.0 < limit < 12.0
+    # Limit depths are told to six digits.
+    _, there = answer(capsys, *words, f"axial_depth_mm={limit}")
+    assert there["spectral_radius"] == pytest.approx(1.0, abs=1e-4)
+    assert main([*POINT, *words, "axial_depth_mm=12"]) == 0
+    assert f"limit depths at this speed: {limit:.4g} mm\n" in capsys.readouterr().out
+    assert main([*POINT, *words]) == 0
+    assert "limit depths at this speed: none down to 6 mm\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("limits", "complete", "radius", "told"),
+    [
+        ([2.0, 3.5], True, 0.9, "2 mm, 3.5 mm"),
+        ([2.0], False, 0.9, "2 mm, perhaps others: the search down to 6 mm was not complete"),
+        ([], False, 1.1, "none found: the search down to 6 mm was not complete"),
+        ([], True, 1.1, "shallower than all depths looked at"),
+    ],
+)
+def test_limit_depths_say_whether_others_may_have_been_missed(limits, complete, radius, told):
+    said = {"limit_depths_mm": limits, "limits_complete": complete, "spectral_radius": radius}
+    assert point._limits(said, 6.0) == told
+
+
+def test_uneven_teeth_whose_motion_is_not_found_are_told_so(capsys):
+    words = ["effects=[tool_runout]", "effects.tool_runout.runout_um=200"]
+    code, said = answer(capsys, "spindle_speed_rpm=8000", "axial_depth_mm=20", *words)
+    assert (code, said["status"]) == (1, "not_converged")
+    assert "no motion that repeats with the revolution was found for these uneven teeth" in said["reason"]
+    assert "tolerance" not in said["reason"]
 
 
 def test_point_where_a_bearing_cannot_run_is_marked(capsys):
