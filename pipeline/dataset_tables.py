@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from chatter_core.variables import STATUS
-from pipeline.best_cuts import removal_rate, safe_depth
+from pipeline.best_cuts import SAME, removal_rate, safe_depth
 from pipeline.design import PARTS, Description, Design
 from pipeline.design.distributions import Distribution
 from pipeline.kinds import KINDS
@@ -143,10 +143,11 @@ def _best(data: xr.Dataset, limit: np.ndarray, speed: np.ndarray) -> _Best:
     rate = removal_factors(data, range(len(limit)))[:, None] * depth * speed
     rows, best = np.arange(len(limit)), np.nan_to_num(rate, nan=-np.inf).argmax(axis=1)
     safe = ~np.isnan(rate[rows, best])
-    without_boundary = np.isinf(safe_depth(np.where(stable_throughout(data), np.inf, limit), speed, margins))
+    # The deepest depth stands for a boundary that lies deeper: nothing nearby lies above it.
+    unbounded = (1.0 - 0.01 * margins.depth) * deepest_mm(data)
     return _Best(
         speed=np.where(safe, speed[best], np.nan),
         depth=depth[rows, best],
         rate=rate[rows, best],
-        above_deepest=without_boundary[rows, best],
+        above_deepest=depth[rows, best] >= (1.0 - SAME) * unbounded,
     )
