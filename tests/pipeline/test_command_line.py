@@ -2,10 +2,14 @@
 
 import json
 import os
+from dataclasses import replace
 
+import numpy as np
 import pytest
 import yaml
 
+from chatter_core import chain
+from chatter_core.contact import forced_contact
 from pipeline import point
 from pipeline.__main__ import main
 
@@ -68,9 +72,14 @@ def test_limit_depths_say_whether_others_may_have_been_missed(limits, complete, 
     assert point._limits(said, 6.0) == told
 
 
-def test_uneven_teeth_whose_motion_is_not_found_are_told_so(capsys):
-    words = ["effects=[tool_runout]", "effects.tool_runout.runout_um=200"]
-    code, said = answer(capsys, "spindle_speed_rpm=8000", "axial_depth_mm=20", *words)
+@pytest.mark.parametrize("effect", ["tool_runout", "variable_pitch"])
+def test_uneven_teeth_whose_motion_is_not_found_are_told_so(effect, capsys, monkeypatch):
+    def unfound(*arguments):
+        met = forced_contact(*arguments)
+        return replace(met, found=np.zeros_like(met.found))
+
+    monkeypatch.setattr(chain, "forced_contact", unfound)
+    code, said = answer(capsys, "spindle_speed_rpm=8000", "axial_depth_mm=2", f"effects=[{effect}]")
     assert (code, said["status"]) == (1, "not_converged")
     assert "no motion that repeats with the revolution was found for these uneven teeth" in said["reason"]
     assert "tolerance" not in said["reason"]
