@@ -92,15 +92,7 @@ def forced_contact(
     speed = np.empty(len(system.state_matrix))
     speed[system_index] = cut.spindle_speed
     motion, found = np.zeros((len(lag), 2, count * SAMPLES * FINER)), np.zeros(len(lag), dtype=np.bool_)
-    revolution, half = 2.0 * math.pi / speed, system.half_spectrum
-    fine = periodic_answer(system, revolution, count * SAMPLES, FINER)
-    moved = (
-        Modes(half.poles, half.seen, half.driven),
-        revolution,
-        answer(fine[:, ::FINER], passed * SAMPLES),
-        answer(periodic_answer(system, revolution, count * COARSE), passed * COARSE),
-        twice(fine),
-    )
+    moved = _moved(system, 2.0 * math.pi / speed, passed)
     tangential, radial = (
         np.broadcast_to(np.asarray(one, dtype=float), lag.shape)
         for one in (cut.coefficients.tangential, cut.coefficients.radial)
@@ -131,6 +123,19 @@ def forced_contact(
         motion[points], found[points] = motions, arrived
         parts.append((points, _listed(begin, end, ahead, passed, longer, int(slices), teeth.repeat)))
     return Contact(passages=_together(parts, len(lag)), motion=motion.swapaxes(1, 2), found=found)
+
+
+def _moved(system: LinearSystem, revolution: Array, passed: Array) -> tuple[Modes, Array, Answer, Answer, Array]:
+    """Return what ``_meet`` has to know of all systems: modes, revolutions (system,) [s], and what forces move."""
+    count, half = len(passed), system.half_spectrum
+    fine = periodic_answer(system, revolution, count * SAMPLES, FINER)
+    return (
+        Modes(half.poles, half.seen, half.driven),
+        revolution,
+        answer(fine[:, ::FINER], passed * SAMPLES),
+        answer(periodic_answer(system, revolution, count * COARSE), passed * COARSE),
+        twice(fine),
+    )
 
 
 def slices_of(lag: Array, engagement: Engagement) -> NDArray[np.intp]:

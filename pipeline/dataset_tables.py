@@ -51,8 +51,8 @@ def limit_or_deepest(data: xr.Dataset) -> np.ndarray:
     NaN where there is no result, and where no boundary was found but one may have been missed.
     """
     limit = filled_limit(data["limit_depth"].astype(float), data["limits_complete"], deepest_mm(data))
-    depths: np.ndarray = limit.where(data["status"] == STATUS["ok"]).values
-    return depths.reshape(-1, data.sizes["spindle_speed"])
+    known = with_result(data)
+    return np.where(known, limit.values.reshape(known.shape), np.nan)
 
 
 def deepest_mm(data: xr.Dataset) -> float:

@@ -259,6 +259,18 @@ def test_a_formula_of_what_differs_from_cut_to_cut_is_one_of_the_cut(quick, tmp_
     assert high - low == pytest.approx(80.0 / 4000.0, abs=1e-6)
 
 
+def refused_grid(tmp_path, machine, cut):
+    """Return why a design of a grid is refused, whose machine and cut are as said."""
+    own = tmp_path / "design.yaml"
+    own.write_text(
+        "title: T\nsampling: grid\nseed: 1\nspindle_speed_rpm: [9000]\ndeepest_mm: 5\nmode_count: 2\n"
+        f"machine: {machine}\ncut: {cut}\n"
+    )
+    with pytest.raises(InvalidInput) as caught:
+        dataset.run(["study=dataset_small", f"design={own}", f"output={tmp_path / 'new'}"])
+    return caught.value.problems
+
+
 @pytest.mark.parametrize(
     ("level", "told"),
     [
@@ -278,16 +290,10 @@ def test_a_formula_of_what_differs_from_cut_to_cut_is_one_of_the_cut(quick, tmp_
     ],
 )
 def test_what_is_said_of_a_machine_names_nothing_that_differs_from_cut_to_cut(tmp_path, level, told):
-    own = tmp_path / "design.yaml"
-    own.write_text(
-        "title: T\nsampling: grid\nseed: 1\nspindle_speed_rpm: [9000]\ndeepest_mm: 5\nmode_count: 2\n"
-        f"machine:\n  vary: {{tool.teeth: [2]}}\n  {level}\n"
-        "cut: {vary: {process.radial_immersion: [0.1], tool.pitch_angles_deg: [1]}, formulas: {cutting.kn: 0.3}}\n"
-    )
-    with pytest.raises(InvalidInput) as caught:
-        dataset.run(["study=dataset_small", f"design={own}", f"output={tmp_path / 'new'}"])
-    assert told in str(caught.value)
-    assert len(caught.value.problems) == 1
+    cut = "{vary: {process.radial_immersion: [0.1], tool.pitch_angles_deg: [1]}, formulas: {cutting.kn: 0.3}}"
+    problems = refused_grid(tmp_path, f"{{vary: {{tool.teeth: [2]}}, {level}}}", cut)
+    assert told in "\n".join(problems)
+    assert len(problems) == 1
 
 
 @pytest.mark.parametrize(
@@ -330,14 +336,7 @@ def test_what_is_wrong_is_told_in_a_sentence(tmp_path, words, told):
     ],
 )
 def test_what_is_wrong_with_the_cuts_of_a_grid_is_told(tmp_path, cut, told):
-    own = tmp_path / "design.yaml"
-    own.write_text(
-        "title: T\nsampling: grid\nseed: 1\nspindle_speed_rpm: [9000]\ndeepest_mm: 5\nmode_count: 2\n"
-        f"machine: {{vary: {{tool.teeth: [2]}}}}\ncut: {cut}\n"
-    )
-    with pytest.raises(InvalidInput) as caught:
-        dataset.run(["study=dataset_small", f"design={own}", f"output={tmp_path / 'new'}"])
-    assert told in str(caught.value)
+    assert told in "\n".join(refused_grid(tmp_path, "{vary: {tool.teeth: [2]}}", cut))
 
 
 @pytest.mark.parametrize("study", ["sensitivity", "parameter_study"])
