@@ -34,6 +34,8 @@ NOT_STEADY = 0.1
 CROSSING_TOLERANCE = 1e-4
 #: Step in ln(depth) for the slope at a crossing, and how far a crossing may move to be followed.
 SLOPE_STEP, FARTHEST = 1e-3, 0.05
+#: Slopes of ln|mu| beyond this, ten times the steepest of curves, are leaps.
+LEAPS = 10.0 * STEEPEST
 
 
 def margins(growth: Growth, curve: Indices, place: Array) -> tuple[Array, Array]:
@@ -58,29 +60,47 @@ def margins(growth: Growth, curve: Indices, place: Array) -> tuple[Array, Array]
     return np.where(np.isnan(own), np.nan, np.where(own > 0.0, distance, -distance)), crossing
 
 
+def crossing_slopes(growth: Growth, curve: Indices, place: Array, crossing: Array) -> Array:
+    """Return the slope of ln|mu| per ln(depth) at the crossings (cut,), NaN where there is none.
+
+    It is infinite where ln|mu| leaps, for a slope says nothing there.
+
+    See docs/physics.md#margin.
+    """
+    slope, known = np.full(len(place), np.nan), np.flatnonzero(np.isfinite(crossing))
+    if not len(known):
+        return slope
+    on, at, which, _ = _shared(curve, place, crossing, known)
+    here, beside = np.split(growth(np.tile(on, 2), np.concatenate([at, at + SLOPE_STEP])), 2)
+    leaps = np.maximum(np.abs(here), np.abs(beside - here)) > LEAPS * SLOPE_STEP
+    slope[known] = np.where(leaps, np.inf, (beside - here) / SLOPE_STEP)[which]
+    return slope
+
+
 def followed_margins(
-    growth: Growth, curve: Indices, place: Array, margin: Array, crossing: Array
+    growth: Growth, curve: Indices, place: Array, margin: Array, crossing: Array, slope: Array
 ) -> tuple[Array, Array]:
     """Return margins and crossings (cut,) of a model that hardly differs from one whose are given.
 
     A Newton step from each crossing; what had none in reach, or no answer, has none now. For differences
     between neighbouring models, which move a crossing by a few thousandths. Where one moves farther than
-    FARTHEST, all of its curve is looked for anew.
+    FARTHEST, all of its curve is looked for anew. slope: (cut,), the other model's ``crossing_slopes``: that of one
+    that hardly differs hardly does.
 
     See docs/physics.md#margin.
     """
     known = np.flatnonzero(np.isfinite(crossing))
     if not len(known):
         return margin, crossing
-    # Cuts that share a crossing tell its place from their own, to the last digit but one.
-    shared, which = np.unique(
-        np.stack([curve[known], np.round(place[known] + crossing[known], 12)]), axis=1, return_inverse=True
-    )
-    on, before = shared[0].astype(np.intp), shared[1]
-    at, beside = np.split(growth(np.tile(on, 2), np.concatenate([before, before + SLOPE_STEP])), 2)
+    on, before, which, first = _shared(curve, place, crossing, known)
+    steep = slope[known[first]]
+    leaps = np.flatnonzero(~np.isfinite(steep))
+    asked = growth(np.concatenate([on, on[leaps]]), np.concatenate([before, before[leaps] + SLOPE_STEP]))
+    at, beside = np.split(asked, [len(on)])
+    steep[leaps] = (beside - at[leaps]) / SLOPE_STEP
     with np.errstate(divide="ignore", invalid="ignore"):
-        step = -at * SLOPE_STEP / (beside - at)
-    moved = step[which.ravel()]
+        step = -at / steep
+    moved = step[which]
     followed, after = margin.copy(), crossing.copy()
     after[known] += moved
     # The side on which the cut lies changes smoothly when the crossing passes through it.
@@ -89,6 +109,16 @@ def followed_margins(
     if len(anew):
         followed[anew], after[anew] = margins(growth, curve[anew], place[anew])
     return followed, after
+
+
+def _shared(curve: Indices, place: Array, crossing: Array, known: Indices) -> tuple[Indices, Array, Indices, Indices]:
+    """Return the distinct crossings of known cuts: curve and place (crossing,), which is whose, and whose is first.
+
+    Cuts that share a crossing tell its place from their own, to the last digit but one.
+    """
+    told = np.stack([curve[known], np.round(place[known] + crossing[known], 12)])
+    shared, first, which = np.unique(told, axis=1, return_index=True, return_inverse=True)
+    return shared[0].astype(np.intp), shared[1], which.ravel(), first
 
 
 def _steady(growth: Array) -> Array:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from chatter_core.chain import Structure, structure
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence.campaign import Campaign
-from chatter_core.evidence.cuts import CutPrediction, Cuts, cuts_of, predict_cuts, together
+from chatter_core.evidence.cuts import CutPrediction, Cuts, cuts_of, note_slopes, predict_cuts, together
 from chatter_core.evidence.nuisances import SENSOR, machine_nuisances, measurement_parameters
 from chatter_core.evidence.parameters import Array, Parameter, column
 from chatter_core.floquet import MethodSettings
@@ -214,13 +214,17 @@ class CampaignModel:
     def _predict_cuts(self, values: Array, structures: tuple[Structure, ...], near: Prediction | None) -> CutPrediction:
         """Return the prediction of all cuts."""
         known = None
-        if near is not None:
+        if near is not None and near.cuts is not None:
             apart = np.abs(values - near.values) / column(self.parameters, "prior_width")
             known = near.cuts if apart.max() <= NEARBY else None
         parts, places = [], []
-        for group, built in zip(self.cuts.groups, structures, strict=True):
+        for number, group in enumerate(self.cuts.groups):
             for setup in group.setups:
-                stages = self.stages(values, setup.machine)
+                stages, built = self.stages(values, setup.machine), structures[number]
+                if known is not None:
+                    assert near is not None
+                    own = self.stages(near.values, setup.machine)
+                    note_slopes(known, own, self.cuts, setup, near.structures[number], self.method)
                 parts.append(predict_cuts(stages, self.cuts, setup, built, self.method, known))
                 places.append(setup.points)
         return together(parts, places)

@@ -187,20 +187,29 @@ def _distinct(breakpoints: Array, tolerance: Array, period: Array) -> Array:
 def _pieces_with_nodes(equation: DelayEquation, broken: _Broken, delays: Array) -> NDArray[np.bool_]:
     """Return the pieces (point, piece) in which a gain acts or that an acting one looks back into."""
     length = collocation.piece_lengths(broken.breakpoints, equation.period)
-    period = equation.period[:, None]
     begin = broken.breakpoints - broken.breakpoints[:, :1]
     holds = np.zeros(begin.shape, dtype=bool)
     for gain in equation.velocity_gain:
         holds |= broken.acting(gain, equation.period)
     for term, feedback in enumerate(equation.feedback):
         acts = broken.acting(feedback.gain, equation.period)
-        holds |= acts
-        origin = np.mod(begin - delays[:, term, None], period)
-        for turn in (0.0, 1.0):  # what an origin overlaps before and after the period's end
-            first, last = begin + turn * period, begin + turn * period + length
-            overlaps = (origin[:, :, None] < last[:, None, :]) & ((origin + length)[:, :, None] > first[:, None, :])
-            holds |= (acts[:, :, None] & overlaps & (length > 0.0)[:, None, :]).any(axis=1)
+        _look_into(acts, begin, length, np.ascontiguousarray(delays[:, term]), equation.period, holds)
     return holds
+
+
+@compiled
+def _look_into(acts, begin, length, delay, period, holds):  # type: ignore[no-untyped-def]
+    """Mark the pieces (point, piece) that act, and those that they overlap a delay before."""
+    for p, q in np.ndindex(acts.shape):
+        if not acts[p, q]:
+            continue
+        holds[p, q] = True
+        first = (begin[p, q] - delay[p]) % period[p]
+        last = first + length[p, q]
+        for r in range(begin.shape[1]):
+            for origin in (begin[p, r], begin[p, r] + period[p]):  # before and after the period's end
+                overlaps = first < origin + length[p, r] and origin < last
+                holds[p, r] = holds[p, r] or (overlaps and length[p, r] > 0.0)
 
 
 def _parts(layout: Elements, smooth_from: Array) -> _Parts:
@@ -312,7 +321,8 @@ def _add_integrals(  # type: ignore[no-untyped-def]
     count = len(nodes)
     for p in range(len(start)):
         for s in range(start.shape[1]):
-            if length[p, s] == 0.0:
+            # Of many gains few act in a part, and integrals of nothing would take most of the time.
+            if length[p, s] == 0.0 or not _acts(value[p, s]):
                 continue
             e = element[p, s]
             share = length[p, s] / element_length[p, e]

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from chatter_core.evidence.margin import CROSSING_TOLERANCE, REACH, WIDEST_GAP, followed_margins, margins
+from chatter_core.evidence.margin import (
+    CROSSING_TOLERANCE,
+    REACH,
+    WIDEST_GAP,
+    crossing_slopes,
+    followed_margins,
+    margins,
+)
 
 
 def growth_of(*branches):
@@ -92,7 +99,8 @@ def test_crossings_are_followed_smoothly_through_the_cut_itself():
         return lambda curve, place: np.sinh(place - limit[curve] - shift)
 
     margin, crossing = each_alone(model(0.0), place)
-    followed, after = followed_margins(model(-0.002), np.arange(4), place, margin, crossing)
+    slope = crossing_slopes(model(0.0), np.arange(4), place, crossing)
+    followed, after = followed_margins(model(-0.002), np.arange(4), place, margin, crossing, slope)
     expected, _ = each_alone(model(-0.002), place)
     # A Newton step: the square of what moved, times the curvature; and the slope's step.
     assert followed == pytest.approx(expected, abs=3e-5)
@@ -108,7 +116,9 @@ def test_the_same_model_is_followed_to_where_it_was():
         return np.expm1(3.0 * (place - limit[curve])) * (1.0 + place**2)
 
     margin, crossing = each_alone(growth, np.zeros(len(limit)))
-    followed, _ = followed_margins(growth, np.arange(len(limit)), np.zeros(len(limit)), margin, crossing)
+    curve, place = np.arange(len(limit)), np.zeros(len(limit))
+    slope = crossing_slopes(growth, curve, place, crossing)
+    followed, _ = followed_margins(growth, curve, place, margin, crossing, slope)
     assert followed == pytest.approx(margin, abs=1e-7)
 
 
@@ -121,15 +131,31 @@ def test_cuts_that_share_a_crossing_follow_it_together():
         return place - 0.104
 
     margin, crossing = margins(lambda curve, place: place - 0.1, curve, place)
-    followed, _ = followed_margins(moved, curve, place, margin, crossing)
+    slope = crossing_slopes(moved, curve, place, crossing)
+    followed, _ = followed_margins(moved, curve, place, margin, crossing, slope)
     assert followed == pytest.approx(place - 0.104, abs=3e-5)
-    assert asked == [2]
+    # The slope once, from both of its ends, and each model that hardly differs at the crossing alone.
+    assert asked == [2, 1]
+
+
+def test_the_slope_of_a_leap_is_not_taken_for_that_of_a_model_that_hardly_differs():
+    def leaping(shift):
+        return lambda curve, place: np.where(place > 0.1 + shift, 0.3, -0.3) + 0.5 * (place - 0.1 - shift)
+
+    alone, place = np.zeros(1, dtype=int), np.zeros(1)
+    margin, crossing = margins(leaping(0.0), alone, place)
+    slope = crossing_slopes(leaping(0.0), alone, place, crossing)
+    assert slope.tolist() == [np.inf]
+    # By a step along the leap itself it would stay where it was.
+    followed, after = followed_margins(leaping(-0.02), alone, place, margin, crossing, slope)
+    assert (followed[0], after[0]) == (pytest.approx(-0.08, abs=CROSSING_TOLERANCE), pytest.approx(0.08, abs=1e-4))
 
 
 def test_crossings_that_move_far_are_looked_for_anew():
     alone, place = np.zeros(1, dtype=int), np.zeros(1)
     margin, crossing = margins(lambda curve, place: place - 0.1, alone, place)
-    followed, _ = followed_margins(lambda curve, place: place - 0.3, alone, place, margin, crossing)
+    one = np.ones(1)
+    followed, _ = followed_margins(lambda curve, place: place - 0.3, alone, place, margin, crossing, one)
     assert followed[0] == pytest.approx(-0.3, abs=1e-5)
-    none = followed_margins(lambda curve, place: place, alone, place, np.array([REACH]), np.array([np.nan]))
+    none = followed_margins(lambda curve, place: place, alone, place, np.array([REACH]), np.array([np.nan]), one)
     assert none[0].tolist() == [REACH]
