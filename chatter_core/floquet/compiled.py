@@ -463,6 +463,12 @@ def _look_back(start, end, origin, past, share, term_gain, delayed):  # type: ig
     for term in range(len(origin)):
         for m in range(NODES):
             for b in range(outputs):
+                acts = False
+                for c in range(inputs):
+                    acts = acts or term_gain[term, c, b, m] != 0.0
+                # What does not act may look back to where nothing was ever written.
+                if not acts:
+                    continue
                 first, value = (origin[term, m] * outputs + b) * NODES, 0.0
                 for i in range(NODES):
                     value += share[term, m, i] * (start[first + i] if past[term, m] else end[first + i])
@@ -519,7 +525,8 @@ def _krylov(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Build the Krylov space of every point by Arnoldi's method, from where ``done`` steps of it have come to."""
     parts, values, steps = alive.shape[1], observe.shape[2], hessenberg.shape[2]
-    new, work = np.empty(len(start)), np.empty((3, max(values, drive.shape[3])))
+    # What nobody has written is not a number: whoever read it would be seen.
+    new, work = np.full(len(start), np.nan), np.empty((3, max(values, drive.shape[3])))
     force = np.empty((piece.shape[1], drive.shape[3]))
     for p in range(len(piece)):
         size = parts
@@ -557,7 +564,7 @@ def _forces(  # type: ignore[no-untyped-def]
     term_gain, vectors, result,
 ):  # fmt: skip
     """Find the feedback force (part, point, element, input, node) of vectors (part, point, size), part by part."""
-    inputs, end = gain.shape[2], np.empty(vectors.shape[2])
+    inputs, end = gain.shape[2], np.full(vectors.shape[2], np.nan)
     work = np.empty((3, max(observe.shape[2], drive.shape[3])))
     force = np.empty((piece.shape[1], drive.shape[3]))
     for p in range(len(piece)):
