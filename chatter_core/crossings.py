@@ -210,7 +210,10 @@ def _roots(
         log_radius, (depth[:, 0], depth[:, 1]), args=(speed.astype(float),), tolerances={"xatol": DEPTH_TOLERANCE}
     )
     slot = np.arange(len(speed)) - np.searchsorted(speed, speed)
-    kept = slot < most
+    # Where a multiplier is not known on the way to a crossing, nothing is known from there on.
+    known = np.full(len(room), most)
+    np.minimum.at(known, speed[~found.success], slot[~found.success])
+    kept = slot < known[speed]
     room[speed[~kept]] = False
-    limits[speed[kept], slot[kept]] = np.where(found.success, found.x, np.nan)[kept]
+    limits[speed[kept], slot[kept]] = found.x[kept]
     return limits, room

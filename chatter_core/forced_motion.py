@@ -1,13 +1,13 @@
 """The motion that unlike teeth force: the cutting force that repeats with the revolution.
 
 Force and motion are those of ``chatter_core.contact``, at equal samples of a revolution; between samples the force is
-linear, which a linear system answers exactly. A cut that begins at rest comes to a motion that repeats where that is
-stable: so the cut is stepped through some revolutions, and Newton's method does the rest. Where the motion has not
-settled by then, because it is unstable, it is followed through depths from none, for it grows out of that of shallow
-cuts. Deep cuts may repeat in several ways, and Newton's method by itself would end at any of them.
+linear, which a linear system answers exactly. The motion grows out of that of shallow cuts, so it is followed through
+depths from none, and Newton's method does the rest. Deep cuts may repeat in several ways: chatter that loses contact
+may do so with the revolution, too, and steps from rest end there, at a motion that stays and is not the forced one.
+They are left to cuts of which nothing else finds a motion.
 
-Sources: J. Tlusty, F. Ismail, CIRP Ann. 30 (1981) 299-304 (steps through time); L. Qi, J. Sun, Math. Program. 58 (1993)
-353-367 (Newton's method where slopes jump).
+Sources: J. Tlusty, F. Ismail, CIRP Ann. 30 (1981) 299-304 (steps through time, chatter that loses contact); L.
+Qi, J. Sun, Math. Program. 58 (1993) 353-367 (Newton's method where slopes jump).
 """
 
 import math
@@ -23,8 +23,8 @@ from chatter_core.linear_equations import solve
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-#: Revolutions from rest: at first, and where nothing else finds a motion. A step's force is corrected so many times.
-BRIEFLY, LONG, CORRECTIONS = 25, 150, 2
+#: Revolutions from rest, where nothing else finds a motion. A step's force is corrected so many times.
+LONG, CORRECTIONS = 150, 2
 #: Shares of its size by which a motion still changes with a revolution: near enough for Newton's method, and repeating.
 NEAR, REPEATS = 1e-2, 1e-4
 #: Newton steps at most, and halvings of one that does not come nearer.
@@ -164,12 +164,10 @@ def repeating_force(cut, modes, revolution, answer, coarse):  # type: ignore[no-
     """
     samples = answer.after.shape[-1] // 2
     sampled = _sampled(cut, samples)
-    force, change = _from_rest(sampled, modes, revolution, BRIEFLY, NEAR)
-    if change > NEAR:
-        force = _finer(_approached(_sampled(cut, coarse.after.shape[-1] // 2), coarse), samples)
+    force = _finer(_approached(_sampled(cut, coarse.after.shape[-1] // 2), coarse), samples)
     if _settled(sampled, 1.0, answer, force, STEPS):
         return force, True
-    force, change = _from_rest(sampled, modes, revolution, LONG, REPEATS)
+    force, change = _from_rest(sampled, modes, revolution)
     found = force.copy()
     if change <= NEAR and _settled(sampled, 1.0, answer, found, STEPS):
         return found, True
@@ -270,8 +268,8 @@ def _finer(force, samples):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _from_rest(sampled, modes, revolution, most, enough):  # type: ignore[no-untyped-def]
-    """Cut from rest until the motion changes by no more than enough, so many revolutions at most.
+def _from_rest(sampled, modes, revolution):  # type: ignore[no-untyped-def]
+    """Cut from rest until the motion repeats, LONG revolutions at most.
 
     Return the force (2, sample) in the last, and by what share of its size the motion changed with it.
     """
@@ -292,7 +290,7 @@ def _from_rest(sampled, modes, revolution, most, enough):  # type: ignore[no-unt
     left, who = np.empty(len(sampled.sine)), np.empty(sampled.sine.shape, np.int64)
     motion, force = np.zeros((2, samples)), np.zeros((2, samples))
     along = across = change = 0.0
-    for _ in range(most):
+    for _ in range(LONG):
         change = size = 0.0
         for j in range(samples):
             free_x = free_y = 0.0
@@ -311,7 +309,7 @@ def _from_rest(sampled, modes, revolution, most, enough):  # type: ignore[no-unt
             size = max(size, abs(x), abs(y))
             motion[0, j], motion[1, j], force[0, j], force[1, j] = x, y, along, across
         change /= max(size, 1e-300)
-        if change <= enough:
+        if change <= REPEATS:
             break
     return force, change
 

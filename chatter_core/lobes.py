@@ -334,11 +334,13 @@ def _between(cell: Array, depth: Array, found: Stability) -> Stability:
     between = (1.0 - share) * growth[below] + share * growth[above]
     nearer = np.where(share < 0.5, below, above)
     farther = below + above - nearer
-    taken = np.where((growth[nearer] > 0.0) == (between > 0.0), nearer, farther)
+    exact = depth[nearer] == cell
+    # What was computed at a cell is its own, whatever its neighbour has.
+    between = np.where(exact, growth[nearer], between)
+    taken = np.where(exact | ((growth[nearer] > 0.0) == (between > 0.0)), nearer, farther)
     cells = Stability(**{f.name: getattr(found, f.name)[taken] for f in fields(Stability)})
     angle = np.exp(1j * np.angle(cells.multiplier))
     failed = np.maximum(found.status[below], found.status[above])
-    exact = depth[nearer] == cell
     status = np.where(exact, found.status[nearer], np.where(failed > STATUS["ok"], failed, STATUS["interpolated"]))
     radius = np.exp(between)
     result = replace(cells, spectral_radius=radius, multiplier=radius * angle, status=status.astype(np.uint8))

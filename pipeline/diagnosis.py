@@ -268,8 +268,9 @@ def diagnose(
     settled = arrived(workers, found)
     tried = diagnosis.pairs if settled.ranking[0].best is first else []
     diagnosis = _decided(workers, settled, candidates, content, judge, tried, seconds=seconds)
-    # Another variant may have come first meanwhile, of whose parameters there are none.
-    same = [*map(str, diagnosis.supported.candidates)] == [*map(str, first.candidates)]
+    # Another variant may have come first meanwhile, of whose parameters there are none, or a pair have led higher.
+    profiled = settled.ranking[0].best
+    same = [*map(str, profiled.candidates)] == [*map(str, first.candidates)] and diagnosis.supported is profiled
     kept = settled.intervals if same else {}
     return replace(diagnosis, intervals=kept)
 

@@ -216,12 +216,14 @@ def receptance_by_size(
 
 
 def gaussian(residual: Array, error: Array | float) -> Contribution:
-    """Return what residuals (datum,) with a standard deviation say; one that is NaN is off by UNANSWERED deviations.
+    """Return what residuals (datum,) with a standard deviation say; one that is none is off by UNANSWERED deviations.
+
+    That is NaN, where a model has no answer, or infinite, as a damping ratio of zero is far from any measured one.
 
     See docs/physics.md#likelihoods.
     """
     error = np.broadcast_to(error, residual.shape)
-    standard = np.where(np.isnan(residual), UNANSWERED, residual / error)
+    standard = np.where(np.isfinite(residual), residual / error, UNANSWERED)
     return Contribution(
         log_density=-0.5 * standard**2 - np.log(error) - 0.5 * np.log(2.0 * np.pi),
         coordinates=standard[:, None],

@@ -230,8 +230,10 @@ def test_lines_of_a_response_are_normal_in_both_parts():
 
 
 def test_other_numbers_are_normal_and_ten_deviations_off_when_unanswered():
-    found = likelihood.gaussian(np.array([0.01, np.nan]), 0.02)
-    expected = [stats.norm.logpdf(0.01, scale=0.02), stats.norm.logpdf(0.2, scale=0.02)]
+    # The logarithm of a measured damping ratio over a predicted one of zero is infinite.
+    found = likelihood.gaussian(np.array([0.01, np.nan, np.inf]), 0.02)
+    far = stats.norm.logpdf(0.2, scale=0.02)
+    expected = [stats.norm.logpdf(0.01, scale=0.02), far, far]
     assert found.log_density == pytest.approx(expected, rel=1e-13)
 
 

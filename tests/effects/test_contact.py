@@ -265,9 +265,9 @@ def test_a_motion_that_one_way_misses_another_finds(missed: str, reference_machi
         misses = "Newton" in missed and not (missed == "Newton once" and len(asked) == 2)
         return not misses and real_settled(sampled, share, told, force, steps)
 
-    def from_rest(sampled, modes, revolution, most, enough):
+    def from_rest(sampled, modes, revolution):
         """A start from rest stands still, and says that it moves."""
-        force, change = real_rest(sampled, modes, revolution, most, enough)
+        force, change = real_rest(sampled, modes, revolution)
         return (np.zeros_like(force), 1.0) if "rest" in missed else (force, change)
 
     def found(cut, modes, revolution, told, coarse):
@@ -287,6 +287,20 @@ def test_a_motion_that_one_way_misses_another_finds(missed: str, reference_machi
     tries, near = MISSED[missed]
     assert other.motion == pytest.approx(usual.motion, abs=near * np.abs(usual.motion).max())
     assert set(ways) == {tries}
+
+
+@pytest.mark.parametrize("depth_mm", [1.5, 1.75, 2.0])
+def test_chatter_that_repeats_with_the_revolution_is_not_taken_for_the_forced_motion(
+    depth_mm: float, reference_machine: Machine
+):
+    """From rest these unstable cuts come to a large motion that stays: the tool chatters, locked to the revolution."""
+    speed, depth, ones = np.array([10500.0]) * RPM, np.array([depth_mm * 1e-3]), np.ones(1)
+    built = structure(reference_machine, speed, mode_count=4)
+    alike = evaluate(reference_machine, built, np.array([0]), depth, COLLOCATION, ones)
+    hardly = evaluate(model(reference_machine, 1e-2), built, np.array([0]), depth, COLLOCATION, ones)
+    assert alike.spectral_radius[0] > 1.3
+    # Ten nanometres take out of the cut next to nothing.
+    assert hardly.spectral_radius == pytest.approx(alike.spectral_radius, rel=1e-3)
 
 
 def test_the_forced_motion_is_the_one_that_a_cut_settles_on(reference_machine: Machine):

@@ -92,3 +92,11 @@ def test_more_crossings_than_are_kept_are_not_complete():
     found = Curve(lambda d: np.sin(d * np.pi / 5e-4 + 0.3)).search(np.linspace(1e-4, 1e-2, 120), most=8)
     assert np.isfinite(found.depth[0]).all()
     assert not found.complete[0]
+
+
+def test_a_crossing_about_which_nothing_is_known_ends_what_is_told():
+    """Found by its two sides, and on the way to it there is no answer."""
+    blind = Curve(lambda d: np.nan if abs(d - 2.03e-3) < 2e-4 and d not in FIRST else 400.0 * (d - 2.03e-3))
+    found = blind.search()
+    assert np.isnan(found.depth).all()
+    assert found.complete.tolist() == [False]

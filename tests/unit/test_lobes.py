@@ -9,9 +9,9 @@ from chatter_core.chain import structure, structure_variables
 from chatter_core.errors import InvalidInput
 from chatter_core.floquet import MethodSettings
 from chatter_core.following import PATH_STEP, follow_modes, path_to
-from chatter_core.lobes import evaluate_to_tolerance, lobe_block
+from chatter_core.lobes import _between, evaluate_to_tolerance, lobe_block
 from chatter_core.machine import Machine, Tip
-from chatter_core.stability import evaluate
+from chatter_core.stability import evaluate, without_result
 from chatter_core.variables import BIFURCATION, STATUS
 from tests.conftest import COLLOCATION
 
@@ -233,3 +233,13 @@ def test_a_mode_alone_is_the_machine_of_that_mode(reference_machine):
     assert found.spectral_radius == pytest.approx(expected.spectral_radius, rel=1e-9)
     assert np.all(found.dominant_mode == 3)
     assert np.all(expected.dominant_mode == 1)
+
+
+def test_a_cell_that_was_computed_keeps_its_result_beside_one_that_was_not():
+    found = without_result(3, 1, STATUS["not_converged"])
+    found.spectral_radius[1], found.multiplier[1], found.status[1] = 0.9, 0.9j, STATUS["ok"]
+    depth = np.array([1e-3, 2e-3, 3e-3])
+    cells = _between(depth, depth, found)
+    assert cells.status.tolist() == [STATUS["not_converged"], STATUS["ok"], STATUS["not_converged"]]
+    assert cells.spectral_radius[1] == pytest.approx(0.9)
+    assert cells.multiplier[1] == pytest.approx(0.9j)

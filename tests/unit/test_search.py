@@ -71,8 +71,9 @@ def test_what_promises_far_less_than_another_gained_is_not_climbed(base, done, m
     at_null = found.fitted[0]
     assert not at_null.moved
     assert at_null.fit.log_likelihood == pytest.approx(base.fit.log_likelihood, abs=1e-6)
-    # With a CLOSE of none the best is not climbed to its end, but to where a step promises less than 0.3 nats.
-    assert found.ranking[0].gain == pytest.approx(everything.ranking[0].gain, abs=0.6)
+    # With a CLOSE of none the best is not climbed to its end, but to where a step promises less than 0.3 nats: a few
+    # such steps would follow.
+    assert found.ranking[0].gain == pytest.approx(everything.ranking[0].gain, abs=1.2)
 
 
 def test_beside_a_better_base_model_only_what_is_in_reach_is_looked_at_again(base, done, monkeypatch):
