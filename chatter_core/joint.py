@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: A joint counts as closed where it is so many times stiffer than stated: more would be lost in rounding.
+#: A joint that opens counts as closed where it is so many times stiffer than stated: more would be lost in rounding.
 STIFFEST = 1e3
 #: Compliances below these count as closed [m/N, rad/(N m)]: they move frequencies by a ten-thousandth or less, and as
 #: much is lost in rounding where a joint is stiffer than all the rest by so many digits.

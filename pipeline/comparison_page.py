@@ -17,7 +17,7 @@ CAPTIONS = {
     "receptances": "Receptance of the tool tip, measured and predicted. Predictions hold the sensor's fitted gain, "
     "phase and frequency scale. Below each: how far they are apart, in standard deviations of a measured line.",
     "residuals": "Above: where the calibrated model puts each cut, as distance from the boundary; below: how far "
-    "measured chatter frequencies lie from the nearest line of the predicted motion.",
+    "measured chatter frequencies lie from the strongest line of the predicted motion, tooth passings aside.",
     "pulls": "Parameters of the calibration in widths of what is plausible before measuring. Beyond three the fit "
     "bends a parameter to stand in for something that the model lacks.",
 }

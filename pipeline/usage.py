@@ -27,8 +27,8 @@ EXAMPLES = (
     "compare campaign=my_campaign",
 )
 EXITS = (
-    "exit codes: 0 all well, 1 some points failed and are marked, or no worker is left, 2 bad input, 3 store in use,\n"
-    "129 stopped by the end of its terminal, 130 by Ctrl-C, 143 by SIGTERM"
+    "exit codes: 0 all well, 1 some points failed and are marked, verify found damage, or no worker is left,\n"
+    "2 bad input, 3 store in use, 129 stopped by the end of its terminal, 130 by Ctrl-C, 143 by SIGTERM"
 )
 
 
