@@ -287,7 +287,7 @@ def _check_lines(frequency: Array, receptance: Complex, mode_count: int | None) 
         problems.append("receptance: found values that are not finite; leave those lines out")
     elif lines and (frequency[0] <= 0.0 or np.any(np.diff(frequency) <= 0.0)):
         problems.append("frequency: found lines at or below 0 Hz, or not ascending; allowed: positive, each once")
-    elif not np.any(receptance):
+    elif lines and not np.any(receptance):
         problems.append("receptance: found nothing but zeros")
     if mode_count is not None and not 1 <= mode_count <= min(MOST_MODES, lines // LINES_PER_MODE):
         most = min(MOST_MODES, lines // LINES_PER_MODE)
