@@ -4,7 +4,7 @@ Force and motion are those of ``chatter_core.contact``, at equal samples of a re
 linear, which a linear system answers exactly. The motion grows out of that of shallow cuts, so it is followed through
 depths from none, and Newton's method does the rest. Deep cuts may repeat in several ways: chatter that loses contact
 may do so with the revolution, too, and steps from rest end there, at a motion that stays and is not the forced one.
-They are left to cuts of which nothing else finds a motion.
+They are left to cuts of which this finds none.
 
 Sources: J. Tlusty, F. Ismail, CIRP Ann. 30 (1981) 299-304 (steps through time, chatter that loses contact); L.
 Qi, J. Sun, Math. Program. 58 (1993) 353-367 (Newton's method where slopes jump).
