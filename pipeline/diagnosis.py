@@ -21,6 +21,7 @@ from chatter_core.evidence.power import Power, power
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.evidence.ranking import NOTHING, Ranked
 from chatter_core.evidence.scores import Score
+from chatter_core.evidence.starts import waves_between_teeth
 from chatter_core.evidence.verdict import (
     Verdict,
     decide,
@@ -166,6 +167,7 @@ def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
     Unequal teeth take longest and come first, then what is looked at value by value, then what acts last in the chain:
     no worker should be left with them.
     """
+    waves = waves_between_teeth(model.campaign)
     found = [
         Candidate(
             name=name,
@@ -173,7 +175,7 @@ def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
             term=effect,
             shapes=tuple(f"{name}.{shape}" for shape in effect.shapes),
             heard=f"{name}.{effect.heard}" if effect.heard else None,
-            scan=(f"{name}.{effect.scan.parameter}", effect.scan.values) if effect.scan else None,
+            scan=(f"{name}.{effect.scan.parameter}", effect.scan.with_waves(waves)) if effect.scan else None,
             place=effect.place(),
         )
         for name in _lacking(content)

@@ -33,11 +33,18 @@ class Scan:
     """Values of a parameter, in the unit of its name, that a diagnosis looks at one by one.
 
     For effects of which one value says nothing about the next: where the data see a mode only beside its frequency, or
-    teeth only where their delays come around again.
+    teeth only where their delays come around again. What counts then is by how much of a wave on the surface they
+    differ: ``waves`` says for how many between two teeth the values are told, and none that their number is no matter.
     """
 
     parameter: str
     values: tuple[float, ...]
+    waves: float | None = None
+
+    def with_waves(self, waves: float) -> tuple[float, ...]:
+        """Return the values for cuts with so many waves between two teeth: where there are fewer, farther apart."""
+        apart = 1.0 if self.waves is None else max(self.waves / waves, 1.0)
+        return tuple(apart * value for value in self.values if apart * value <= max(self.values))
 
 
 @dataclass(frozen=True, kw_only=True)

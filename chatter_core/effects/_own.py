@@ -90,12 +90,14 @@ def _findings_of_scan(kind: "type[Effect]") -> Iterator[str]:
     )
     if scan is None:
         return
-    if not (hasattr(scan, "parameter") and hasattr(scan, "values")):
+    if not hasattr(scan, "with_waves"):
         yield f"scan: found {scan!r}, allowed: Scan(parameter=..., values=...)"
     elif scan.parameter not in declared:
         yield f"scan: found {scan.parameter!r}; {nearest(str(scan.parameter), list(declared))}"
     elif not _is_tuple(scan.values) or not scan.values:
         yield f"scan: found {scan.values!r}, allowed: a tuple of values"
+    elif not (scan.waves is None or (isinstance(scan.waves, int | float) and scan.waves > 0.0)):
+        yield f"scan: waves: found {scan.waves!r}, allowed: a positive number"
     else:
         one = declared[scan.parameter]
         beyond = [value for value in scan.values if not one.lower <= value <= one.upper]

@@ -11,8 +11,9 @@ from chatter_core.machine import Machine, Tool
 from chatter_core.parameters import Array, Parameter
 from chatter_core.teeth import Teeth
 
-#: Variations that are looked at one by one: with ten waves between two teeth 0.02 moves one by a fifth of its length.
-LOOKED_AT = (*(0.01 * np.arange(1, 12)), *(0.02 * np.arange(6, 23)))
+#: Variations that are looked at one by one with so many waves between two teeth: 0.02 moves one by a fifth of its
+#: length.
+WAVES, LOOKED_AT = 10.0, (*(0.01 * np.arange(1, 12)), *(0.02 * np.arange(6, 23)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +32,7 @@ class VariablePitch(Effect):
     pattern: str
 
     stage: ClassVar[str] = "teeth"
-    scan: ClassVar[Scan | None] = Scan(parameter="variation", values=LOOKED_AT)
+    scan: ClassVar[Scan | None] = Scan(parameter="variation", values=LOOKED_AT, waves=WAVES)
     changes: ClassVar[tuple[str, ...]] = ("cut",)
     settings: ClassVar[tuple[Setting, ...]] = (
         Setting(name="pattern", doc="how the pitches vary", choices=("linear", "alternating")),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from chatter_core.chain import Structure
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.columns import NO_WORD
-from chatter_core.evidence.margin import FARTHEST, Growth, crossing_slopes, followed_margins, margins
+from chatter_core.evidence.margin import FARTHEST, Growth, crossing_lines, followed_margins, margins
 from chatter_core.evidence.measured import DIRECTIONS, Trials
 from chatter_core.evidence.parameters import Array
 from chatter_core.floquet import MethodSettings
@@ -65,17 +65,18 @@ class CutPrediction:
 
     margin: distance from the boundary in ln(depth), positive where unstable, NaN where the model has no answer;
     crossing: where that boundary lies, from the cut, NaN where none is in reach; slope: of ln|mu| per ln(depth) there,
-    NaN as long as no prediction nearby has needed it; chatter_frequency [rad/s], of the critical motion, NaN where none
-    was asked for; other_frequency (cut, other): of others that grow too, NaN where there are none; share (cut, 1 +
-    other): of each, and each of its lines, in the growth of all; runner_up: ln|mu| per tooth period of the motion next
-    to the critical one, NaN where unknown, and that of a prediction nearby where it was taken over; tooth_passing
-    frequency and line_spacing of a motion [rad/s], the same where teeth are alike; solved:
+    and left: what is left of ln|mu|, NaN as long as no prediction nearby has needed them; chatter_frequency [rad/s], of
+    the critical motion, NaN where none was asked for; other_frequency (cut, other): of others that grow too, NaN where
+    there are none; share (cut, 1 + other): of each, and each of its lines, in the growth of all; runner_up: ln|mu| per
+    tooth period of the motion next to the critical one, NaN where unknown, and that of a prediction nearby where it was
+    taken over; tooth_passing frequency and line_spacing of a motion [rad/s], the same where teeth are alike; solved:
     whether the bearings have an equilibrium.
     """
 
     margin: Array
     crossing: Array
     slope: Array
+    left: Array
     chatter_frequency: Array
     other_frequency: Array
     share: Array
@@ -106,10 +107,10 @@ def cuts_of(campaign: Campaign) -> Cuts:
     )
 
 
-def note_slopes(
+def note_lines(
     known: CutPrediction, stages: Stages, cuts: Cuts, setup: Setup, built: Structure, method: MethodSettings
 ) -> None:
-    """Note the slopes at the crossings of a prediction, by its own stages and structure, where they are not noted yet.
+    """Note ``crossing_lines`` of a prediction, by its own stages and structure, where they are not noted yet.
 
     Predictions nearby follow its crossings by them, however many they are.
 
@@ -119,7 +120,8 @@ def note_slopes(
     if np.isnan(known.slope[setup.points][np.isfinite(crossing)]).any():
         place = np.log(cuts.axial_depth[setup.points])
         growth = _growth(stages, built, method)
-        known.slope[setup.points] = crossing_slopes(growth, setup.speed_index, place, crossing)
+        lines = crossing_lines(growth, setup.speed_index, place, crossing)
+        known.slope[setup.points], known.left[setup.points] = lines
 
 
 def _growth(stages: Stages, built: Structure, method: MethodSettings) -> Growth:
@@ -139,7 +141,7 @@ def predict_cuts(
     """Predict the cuts of one setup with its structure; arrays are (cut,) of the setup.
 
     ``near``: a prediction of the same cuts by a model that hardly differs, from which crossings are followed by the
-    slopes that are noted in it.
+    lines that are noted in it.
 
     See docs/physics.md#margin.
     """
@@ -147,12 +149,13 @@ def predict_cuts(
     if near is None:
         margin, crossing = margins(growth, setup.speed_index, np.log(depth))
     else:
-        known = (one[setup.points] for one in (near.margin, near.crossing, near.slope))
+        known = (one[setup.points] for one in (near.margin, near.crossing, near.slope, near.left))
         margin, crossing = followed_margins(growth, setup.speed_index, np.log(depth), *known)
     found = CutPrediction(
         margin=margin,
         crossing=crossing,
         slope=np.full(len(depth), np.nan),
+        left=np.full(len(depth), np.nan),
         **_silent(len(depth)),
         solved=built.solved[setup.speed_index],
     )

@@ -30,8 +30,8 @@ WIDEST_GAP, STEEPEST = 0.5, 2.5
 #: longer). Such a cut is not steady: it counts as unstable, by however much.
 NOT_STEADY = 0.1
 #: Crossings are bracketed to this in ln(depth), and told by a straight line within: those of smooth curves to some
-#: 1e-9, as differences over a thousandth of a prior's width need. A leap of ln|mu| is anywhere within.
-CROSSING_TOLERANCE = 1e-4
+#: 1e-7. A leap of ln|mu| is anywhere within.
+CROSSING_TOLERANCE = 1e-3
 #: Step in ln(depth) for the slope at a crossing, and how far a crossing may move to be followed.
 SLOPE_STEP, FARTHEST = 1e-3, 0.05
 #: Slopes of ln|mu| beyond this, ten times the steepest of curves, are leaps.
@@ -60,32 +60,35 @@ def margins(growth: Growth, curve: Indices, place: Array) -> tuple[Array, Array]
     return np.where(np.isnan(own), np.nan, np.where(own > 0.0, distance, -distance)), crossing
 
 
-def crossing_slopes(growth: Growth, curve: Indices, place: Array, crossing: Array) -> Array:
-    """Return the slope of ln|mu| per ln(depth) at the crossings (cut,), NaN where there is none.
+def crossing_lines(growth: Growth, curve: Indices, place: Array, crossing: Array) -> tuple[Array, Array]:
+    """Return the slope of ln|mu| per ln(depth) at the crossings and what is left of ln|mu| there, (cut,) each.
 
-    It is infinite where ln|mu| leaps, for a slope says nothing there.
+    Both are NaN where there is no crossing. Where ln|mu| leaps the slope is infinite and nothing is left, for neither
+    says anything there.
 
     See docs/physics.md#margin.
     """
-    slope, known = np.full(len(place), np.nan), np.flatnonzero(np.isfinite(crossing))
-    if not len(known):
-        return slope
-    on, at, which, _ = _shared(curve, place, crossing, known)
-    here, beside = np.split(growth(np.tile(on, 2), np.concatenate([at, at + SLOPE_STEP])), 2)
-    leaps = np.maximum(np.abs(here), np.abs(beside - here)) > LEAPS * SLOPE_STEP
-    slope[known] = np.where(leaps, np.inf, (beside - here) / SLOPE_STEP)[which]
-    return slope
+    slope, left = np.full((2, len(place)), np.nan)
+    known = np.flatnonzero(np.isfinite(crossing))
+    if len(known):
+        on, at, which, _ = _shared(curve, place, crossing, known)
+        here, beside = np.split(growth(np.tile(on, 2), np.concatenate([at, at + SLOPE_STEP])), 2)
+        leaps = np.maximum(np.abs(here), np.abs(beside - here)) > LEAPS * SLOPE_STEP
+        slope[known] = np.where(leaps, np.inf, (beside - here) / SLOPE_STEP)[which]
+        left[known] = np.where(leaps, 0.0, here)[which]
+    return slope, left
 
 
 def followed_margins(
-    growth: Growth, curve: Indices, place: Array, margin: Array, crossing: Array, slope: Array
+    growth: Growth, curve: Indices, place: Array, margin: Array, crossing: Array, slope: Array, left: Array
 ) -> tuple[Array, Array]:
     """Return margins and crossings (cut,) of a model that hardly differs from one whose are given.
 
     A Newton step from each crossing; what had none in reach, or no answer, has none now. For differences
     between neighbouring models, which move a crossing by a few thousandths. Where one moves farther than
-    FARTHEST, all of its curve is looked for anew. slope: (cut,), the other model's ``crossing_slopes``: that of one
-    that hardly differs hardly does.
+    FARTHEST, all of its curve is looked for anew. slope, left: (cut,), the other model's ``crossing_lines``: the slope
+    of one that hardly differs hardly does, and a crossing moves by what changes where the other one was found, which
+    is not quite a crossing.
 
     See docs/physics.md#margin.
     """
@@ -93,13 +96,13 @@ def followed_margins(
     if not len(known):
         return margin, crossing
     on, before, which, first = _shared(curve, place, crossing, known)
-    steep = slope[known[first]]
+    steep, was = slope[known[first]], left[known[first]]
     leaps = np.flatnonzero(~np.isfinite(steep))
     asked = growth(np.concatenate([on, on[leaps]]), np.concatenate([before, before[leaps] + SLOPE_STEP]))
     at, beside = np.split(asked, [len(on)])
     steep[leaps] = (beside - at[leaps]) / SLOPE_STEP
     with np.errstate(divide="ignore", invalid="ignore"):
-        step = -at / steep
+        step = (was - at) / steep
     moved = step[which]
     followed, after = margin.copy(), crossing.copy()
     after[known] += moved

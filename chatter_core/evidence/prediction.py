@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from chatter_core.chain import Structure, structure
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence.campaign import Campaign
-from chatter_core.evidence.cuts import CutPrediction, Cuts, cuts_of, note_slopes, predict_cuts, together
+from chatter_core.evidence.cuts import CutPrediction, Cuts, cuts_of, note_lines, predict_cuts, together
 from chatter_core.evidence.nuisances import SENSOR, machine_nuisances, measurement_parameters
 from chatter_core.evidence.parameters import Array, Parameter, column
 from chatter_core.floquet import MethodSettings
@@ -224,7 +224,7 @@ class CampaignModel:
                 if known is not None:
                     assert near is not None
                     own = self.stages(near.values, setup.machine)
-                    note_slopes(known, own, self.cuts, setup, near.structures[number], self.method)
+                    note_lines(known, own, self.cuts, setup, near.structures[number], self.method)
                 parts.append(predict_cuts(stages, self.cuts, setup, built, self.method, known))
                 places.append(setup.points)
         return together(parts, places)

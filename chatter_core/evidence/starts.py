@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.candidates import Candidate
 from chatter_core.evidence.comparison import Compared, Comparison
 from chatter_core.evidence.newton import Climb, Maximum
@@ -32,6 +33,8 @@ MISSED_BY, SAME_FREQUENCY, MOST_FREQUENCIES, BESIDE = 3.0, 0.05, 3, 0.02
 #: Strengths with which values of a shape are looked at one by one, in widths of the prior: to a weak effect that is
 #: not quite right the data do not object, and a strong one is seen by no weak one's light.
 SCANNED_AMPLITUDES = (0.3, 1.0)
+#: Of all cuts that chatter so many leave no more waves between two teeth than count.
+MANY_WAVES = 0.9
 #: An effect of which a step from its null promises less stays there [nats].
 SMALLEST_PROMISE = 0.3
 #: Of all starts so many of the best are climbed from.
@@ -124,6 +127,18 @@ def is_silent(comparison: Comparison) -> bool:
     """
     trials = comparison.model.campaign.trials
     return trials is None or not np.isfinite(trials.chatter_frequency).any()
+
+
+def waves_between_teeth(campaign: Campaign) -> float:
+    """Return how many waves chatter has left between two teeth, in all but a tenth of the cuts; infinity if unheard.
+
+    See docs/physics.md#diagnosis.
+    """
+    trials = campaign.trials
+    if trials is None or not np.isfinite(trials.chatter_frequency).any():
+        return np.inf
+    tooth_passing = campaign.machine.tool.teeth * trials.spindle_speed
+    return float(np.nanquantile(trials.chatter_frequency / tooth_passing, MANY_WAVES))
 
 
 def scanned_widely(new: Candidate, comparison: Comparison) -> bool:

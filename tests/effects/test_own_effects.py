@@ -117,8 +117,10 @@ EXAMPLE_TEXT = (EXAMPLE / "loosening_clamp.py").read_text()
 SETTING = '__import__("types").SimpleNamespace(name="axis", doc="which", choices=())'
 
 
-#: What a scan is made of, without an import in the user's file.
-SCAN = "(lambda parameter, values: __import__('types').SimpleNamespace(parameter=parameter, values=values))"
+#: What makes a scan, without an import in the user's file.
+SCAN = (
+    "(lambda *own: __import__('chatter_core.effects').effects.Scan(**dict(zip(('parameter', 'values', 'waves'), own))))"
+)
 
 
 def with_line(*lines: str) -> str:
@@ -157,6 +159,10 @@ def with_line(*lines: str) -> str:
         (with_line(f"scan: ClassVar[Any] = {SCAN}('los', (0.1,))"), r"mine.py: scan: found 'los'; did you mean loss"),
         (with_line(f"scan: ClassVar[Any] = {SCAN}('loss', ())"), r"mine.py: scan: found \(\), allowed: a tuple"),
         (with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1, 7.0))"), r"mine.py: scan: found 7, allowed: 0 to"),
+        (
+            with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1,), 'ten')"),
+            r"mine.py: scan: waves: found 'ten', allowed:",
+        ),
         (with_line("shapes: ClassVar[Any] = None"), r"mine.py: shapes: found None, allowed: a tuple of names"),
         (with_line('settings: ClassVar[Any] = ("axis",)'), r"mine.py: settings: found 'axis', allowed: settings"),
         (with_line(f"settings: ClassVar[Any] = ({SETTING},)"), r"mine.py: settings: axis is no field of the class"),

@@ -5,17 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from chatter_core.effects.variable_pitch import LOOKED_AT, WAVES, VariablePitch
 from chatter_core.evidence import CampaignModel, Comparison, base_model
 from chatter_core.evidence.candidates import Candidate, extended
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.pursuit import fit_hypothesis, ground, look, refit, refit_from
-from chatter_core.evidence.starts import other_shapes
+from chatter_core.evidence.starts import other_shapes, waves_between_teeth
 from tests.synthetic import RPM, campaign, tip_machine, trials
 from tests.unit.test_candidates import base_of, candidate
 
 SLOW, FAST = np.linspace(1500.0, 4000.0, 22) * RPM, np.linspace(5000.0, 16000.0, 22) * RPM
+MIDDLE = np.linspace(2500.0, 8000.0, 22) * RPM
 DEPTHS = np.geomspace(5e-4, 8e-3, 8)
 PITCH, ALONG, ACROSS = candidate("variable_pitch"), candidate("workpiece_mode"), candidate("workpiece_mode", 1)
+#: Where modes of 600 and 660 Hz leave no more than so many waves between two teeth, in most of the cuts.
+FEW_WAVES = 6.0
+assert PITCH.scan is not None
+FEWER = replace(PITCH, scan=(PITCH.scan[0], VariablePitch.scan.with_waves(FEW_WAVES)))
 
 
 def judged(new: Candidate, speeds, true):
@@ -34,10 +40,18 @@ def judged(new: Candidate, speeds, true):
     [
         (PITCH, SLOW, {"variation": 0.07}),
         (PITCH, SLOW, {"variation": 0.2}),
+        (FEWER, MIDDLE, {"variation": 0.2}),
         (ACROSS, FAST, {"compliance_um_n": 0.03, "natural_frequency_hz": 960.0, "damping_ratio": 0.015}),
         (ALONG, FAST, {"compliance_um_n": 0.1, "natural_frequency_hz": 900.0, "damping_ratio": 0.03}),
     ],
-    ids=["little pitch", "much pitch", "a weak mode", "a soft mode"],
+    ids=[
+        "little pitch",
+        "much pitch",
+        "little pitch of few waves",
+        "much pitch of few waves",
+        "a weak mode",
+        "a soft mode",
+    ],
 )
 def test_the_search_ends_no_lower_than_a_fit_from_the_truth(new, speeds, true):
     base = base_of(judged(new, speeds, true))
@@ -79,3 +93,21 @@ def test_what_is_named_is_climbed_to_from_its_other_shapes():
         found = other_shapes(comparison, values, new)
         assert {one[shape] for one in found} == expected
         assert all(np.array_equal(np.delete(one, shape), np.delete(values, shape)) for one in found)
+
+
+def test_pitches_lie_farther_apart_where_chatter_leaves_fewer_waves():
+    scan = VariablePitch.scan
+    # Half as many waves make half as much of one of the same pitch; more than are told of, or none known: as they are.
+    assert scan.with_waves(0.5 * WAVES) == tuple(2.0 * one for one in LOOKED_AT if 2.0 * one <= LOOKED_AT[-1])
+    assert scan.with_waves(2.0 * WAVES) == scan.with_waves(np.inf) == LOOKED_AT
+    assert replace(scan, waves=None).with_waves(1.0) == LOOKED_AT
+
+
+def test_waves_between_teeth_are_those_of_most_cuts_that_were_heard():
+    speed = 1000.0 * RPM * np.ones(11)
+    # Two teeth pass 2000 / 60 times a second: one to eleven waves.
+    heard = 2.0 * speed * np.arange(1.0, 12.0)
+    silent = campaign(tip_machine(), trials=trials(speed, np.full(11, 1e-3)))
+    assert waves_between_teeth(silent) == np.inf
+    cuts = trials(speed, np.full(11, 1e-3), chatter_frequency=heard)
+    assert waves_between_teeth(campaign(tip_machine(), trials=cuts)) == pytest.approx(10.0)
