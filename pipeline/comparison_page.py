@@ -166,12 +166,12 @@ def _measured(found: Assessment) -> str:
 def _shown(name: str, score: Score | None) -> str:
     if score is None or not math.isfinite(score.value):
         return ""
-    unit = " Hz" if name == "chatter_frequency" else ""
+    unit, least = " Hz" if name == "chatter_frequency" else "", "at least " if score.at_least else ""
     value, low, high = (
         _percent(number) if name in PER_CENT else f"{number:.3g}" for number in (score.value, score.low, score.high)
     )
     # One datum has no scatter.
-    return f"{value}{unit}" + (f" ({low} to {high})" if math.isfinite(score.low + score.high) else "")
+    return f"{least}{value}{unit}" + (f" ({low} to {high})" if math.isfinite(score.low + score.high) else "")
 
 
 def _percent(value: float) -> str:

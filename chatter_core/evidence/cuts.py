@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 from chatter_core.chain import Structure
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.columns import NO_WORD
-from chatter_core.evidence.margin import FARTHEST, Growth, crossing_lines, followed_margins, margins
+from chatter_core.evidence.margin import (
+    FARTHEST,
+    LIMIT_REACH,
+    REACH,
+    Growth,
+    crossing_lines,
+    followed_margins,
+    margins,
+)
 from chatter_core.evidence.measured import DIRECTIONS, Trials
 from chatter_core.evidence.parameters import Array
 from chatter_core.floquet import MethodSettings
@@ -57,6 +65,11 @@ class Cuts:
 
     def __len__(self) -> int:
         return len(self.axial_depth)
+
+    @property
+    def reach(self) -> Array:
+        """How far from a cut its crossing is looked for, in ln(depth) (cut,): farther for limit depths."""
+        return np.where(np.arange(len(self)) < self.trials, REACH, LIMIT_REACH)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,11 +159,12 @@ def predict_cuts(
     See docs/physics.md#margin.
     """
     depth, growth = cuts.axial_depth[setup.points], _growth(stages, built, method)
+    reach = cuts.reach[setup.points]
     if near is None:
-        margin, crossing = margins(growth, setup.speed_index, np.log(depth))
+        margin, crossing = margins(growth, setup.speed_index, np.log(depth), reach)
     else:
         known = (one[setup.points] for one in (near.margin, near.crossing, near.slope, near.left))
-        margin, crossing = followed_margins(growth, setup.speed_index, np.log(depth), *known)
+        margin, crossing = followed_margins(growth, setup.speed_index, np.log(depth), *known, reach)
     found = CutPrediction(
         margin=margin,
         crossing=crossing,

@@ -14,6 +14,7 @@ from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.columns import NO_WORD
 from chatter_core.evidence.comparison import Compared
 from chatter_core.evidence.fit import Fit
+from chatter_core.evidence.margin import LIMIT_REACH, out_of_reach
 from chatter_core.evidence.measured import DIRECTIONS, OUTCOMES, Trials
 from chatter_core.evidence.nuisances import TYPICAL_MARGINAL_WIDTH, TYPICAL_MISLABELLED, TYPICAL_OUTCOME_WIDTH
 from chatter_core.evidence.parameters import Array
@@ -73,6 +74,7 @@ def failures(campaign: Campaign, compared: Compared, dominant_mode: Array, fit: 
     See docs/physics.md#comparison.
     """
     found = [*_of_trials(campaign, compared, dominant_mode, fit), *_of_tables(campaign, compared)]
+    found += _without_limit(campaign, compared)
     found += [_of_response(misfit) for misfit in misfits(campaign, compared.prediction)] if campaign.receptances else []
     found += _of_pulls(fit) if fit is not None else []
     return sorted(found, key=lambda failure: (failure.chance, -failure.excess))
@@ -182,6 +184,19 @@ def _frequencies(campaign: Campaign, trials: Trials, compared: Compared) -> Iter
         what="chatter frequencies",
         done=f"are off by more than noise ({np.median(far) / si_factor('frequency_hz'):.0f} Hz or so)",
     )
+
+
+def _without_limit(campaign: Campaign, compared: Compared) -> Iterator[Failure]:
+    """Yield that measured limiting depths have none of the model's anywhere near."""
+    count = int(out_of_reach(compared.prediction.limit_margin).sum())
+    if campaign.limits is None or not count:
+        return
+    factor, rows = np.exp(LIMIT_REACH), len(campaign.limits)
+    text = (
+        f"From {1.0 / factor:.2g} to {factor:.2g} times the measured limiting depth the model has no limit for {count} "
+        f"of {rows}; they count as off by that factor, at least."
+    )
+    yield Failure(quantity="limit_depth", band={}, excess=count / rows, chance=0.0, text=text)
 
 
 def _of_tables(campaign: Campaign, compared: Compared) -> Iterator[Failure]:

@@ -21,6 +21,9 @@ Growth = Callable[[Indices, Array], Array]
 
 #: A crossing is looked for so far from a cut in ln(depth); what lies beyond counts as that far.
 REACH = 0.45
+#: The limit of a model that is held against a measured one is looked for so far, from a tenth of it to ten times, where
+#: there is none within REACH: of a limit the distance is what counts, and not only the side.
+LIMIT_REACH = float(np.log(10.0))
 #: ln|mu| is looked at in every cut and REACH beyond the outermost ones, and halfway between as long as a gap is wider,
 #: but for one whose ends are so far on one side of the boundary that curves would have to be steeper than STEEPEST, per
 #: ln(depth), to cross it and come back. Of 2256 margins of models about six campaigns one is off by more than 0.02 from
@@ -38,26 +41,44 @@ SLOPE_STEP, FARTHEST = 1e-3, 0.05
 LEAPS = 10.0 * STEEPEST
 
 
-def margins(growth: Growth, curve: Indices, place: Array) -> tuple[Array, Array]:
+def margins(growth: Growth, curve: Indices, place: Array, reach: Array | float = REACH) -> tuple[Array, Array]:
     """Return the margin of each cut and the crossing that it is measured from, (cut,) each, in ln(depth).
 
-    curve, place: (cut,), the curve on which a cut lies and its own ln(depth). The margin is the distance to the
-    nearest crossing, positive where the cut is unstable: ln(depth / limit depth) where the boundary is a single
-    limit. Without a crossing within REACH it is REACH, with its sign, and the crossing, told from the cut, is NaN.
-    A depth without an answer on a curve that has some counts as unstable; both are NaN on a curve without any.
+    curve, place: (cut,), the curve on which a cut lies and its own ln(depth); reach: (cut,), REACH or, where a crossing
+    is looked for farther if there is none within that, LIMIT_REACH. The margin is the distance to the nearest crossing,
+    positive where the cut is unstable: ln(depth / limit depth) where the boundary is a single limit. Without a crossing
+    within reach it is that reach, with its sign, and the crossing, told from the cut, is NaN. A depth without an answer
+    on a curve that has some counts as unstable; both are NaN on a curve without any.
 
     See docs/physics.md#margin.
     """
-    on, at, looked = _looks(growth, curve, place)
+    margin, crossing = _margins_within(growth, curve, place, REACH)
+    far = np.flatnonzero((reach > REACH) & np.isnan(crossing))
+    if len(far):
+        margin[far], crossing[far] = _margins_within(growth, curve[far], place[far], LIMIT_REACH)
+    return margin, crossing
+
+
+def _margins_within(growth: Growth, curve: Indices, place: Array, reach: float) -> tuple[Array, Array]:
+    """Return margins and crossings (cut,) that are looked for so far from every cut."""
+    on, at, looked = _looks(growth, curve, place, reach)
     own = looked[_position(on, at, curve, place)]
     nearest = np.full(len(place), np.nan)
     for root_curve, root in zip(*_crossings(growth, on, at, looked), strict=True):
         among = curve == root_curve
         nearer = among & ~(np.abs(nearest - place) <= np.abs(root - place))
         nearest[nearer] = root
-    crossing = np.where(np.isfinite(own) & (np.abs(nearest - place) <= REACH), nearest - place, np.nan)
-    distance = np.where(np.isnan(crossing), REACH, np.abs(crossing))
+    crossing = np.where(np.isfinite(own) & (np.abs(nearest - place) <= reach), nearest - place, np.nan)
+    distance = np.where(np.isnan(crossing), reach, np.abs(crossing))
     return np.where(np.isnan(own), np.nan, np.where(own > 0.0, distance, -distance)), crossing
+
+
+def out_of_reach(limit_margin: Array) -> NDArray[np.bool_]:
+    """Return of which measured limit depths (row,) a model's own limit is farther away than is looked.
+
+    See docs/physics.md#margin.
+    """
+    return np.asarray(np.abs(limit_margin) >= LIMIT_REACH)
 
 
 def crossing_lines(growth: Growth, curve: Indices, place: Array, crossing: Array) -> tuple[Array, Array]:
@@ -80,7 +101,14 @@ def crossing_lines(growth: Growth, curve: Indices, place: Array, crossing: Array
 
 
 def followed_margins(
-    growth: Growth, curve: Indices, place: Array, margin: Array, crossing: Array, slope: Array, left: Array
+    growth: Growth,
+    curve: Indices,
+    place: Array,
+    margin: Array,
+    crossing: Array,
+    slope: Array,
+    left: Array,
+    reach: Array | float = REACH,
 ) -> tuple[Array, Array]:
     """Return margins and crossings (cut,) of a model that hardly differs from one whose are given.
 
@@ -88,7 +116,7 @@ def followed_margins(
     between neighbouring models, which move a crossing by a few thousandths. Where one moves farther than
     FARTHEST, all of its curve is looked for anew. slope, left: (cut,), the other model's ``crossing_lines``: the slope
     of one that hardly differs hardly does, and a crossing moves by what changes where the other one was found, which
-    is not quite a crossing.
+    is not quite a crossing; reach: as for ``margins``.
 
     See docs/physics.md#margin.
     """
@@ -110,7 +138,8 @@ def followed_margins(
     followed[known] += np.where(margin[known] * crossing[known] > 0.0, moved, -moved)
     anew = np.flatnonzero(np.isin(curve, on[~(np.abs(step) <= FARTHEST)]))
     if len(anew):
-        followed[anew], after[anew] = margins(growth, curve[anew], place[anew])
+        within = np.broadcast_to(reach, place.shape)[anew]
+        followed[anew], after[anew] = margins(growth, curve[anew], place[anew], within)
     return followed, after
 
 
@@ -129,9 +158,9 @@ def _steady(growth: Array) -> Array:
     return np.where(np.isnan(growth), NOT_STEADY, growth)
 
 
-def _looks(growth: Growth, curve: Indices, place: Array) -> tuple[Indices, Array, Array]:
+def _looks(growth: Growth, curve: Indices, place: Array, reach: float) -> tuple[Indices, Array, Array]:
     """Return curves, places and ln|mu| (look,) of where it is looked at, sorted along each curve."""
-    on, at = _stations(curve, place)
+    on, at = _stations(curve, place, reach)
     looked = growth(on, at)
     while True:
         answered = np.isin(on, on[np.isfinite(looked)])
@@ -156,12 +185,12 @@ def _wide(on: Indices, at: Array, looked: Array) -> Indices:
     return np.flatnonzero((gap > WIDEST_GAP) & hides & np.isfinite(before))
 
 
-def _stations(curve: Indices, place: Array) -> tuple[Indices, Array]:
-    """Return curves and places (look,) of every cut and of what lies REACH beyond the outermost, sorted."""
+def _stations(curve: Indices, place: Array, reach: float) -> tuple[Indices, Array]:
+    """Return curves and places (look,) of every cut and of what lies so far beyond the outermost, sorted."""
     curves, parts = np.unique(curve), []
     for one in curves:
         own = np.unique(place[curve == one])
-        parts.append(np.concatenate([[own[0] - REACH], own, [own[-1] + REACH]]))
+        parts.append(np.concatenate([[own[0] - reach], own, [own[-1] + reach]]))
     on = np.repeat(curves, [len(part) for part in parts])
     return on, np.concatenate([np.empty(0), *parts])
 

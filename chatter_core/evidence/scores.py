@@ -3,7 +3,7 @@
 Intervals hold for independent data: cuts at one speed are not quite, and theirs are somewhat too narrow.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from scipy import stats
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.comparison import Compared, Comparison
 from chatter_core.evidence.likelihood import balanced_error, facts, frequency_residual, outcome
-from chatter_core.evidence.margin import REACH
+from chatter_core.evidence.margin import REACH, out_of_reach
 from chatter_core.evidence.measured import OUTCOMES, measuring_ranges
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.prediction import Prediction
@@ -37,12 +37,16 @@ ERRORS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """Error of one quantity; low and high enclose it with COVERAGE, NaN where data are too few; count: of data."""
+    """Error of one quantity; low and high enclose it with COVERAGE, NaN where data are too few; count: of data.
+
+    at_least: whether it may be larger, for some data are farther off than is looked.
+    """
 
     value: float
     low: float
     high: float
     count: int
+    at_least: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +96,8 @@ def cut_scores(campaign: Campaign, said: Told) -> dict[str, Score]:
             apart = frequency_residual(trials.chatter_frequency[heard], said.chatter_frequency[heard], tooth_passing)
             found["chatter_frequency"] = _median(np.abs(apart) / (2.0 * np.pi))
     if campaign.limits is not None:
-        found["limit_depth"] = _root_mean_square(said.limit_margin)
+        beyond = bool(out_of_reach(said.limit_margin).any())
+        found["limit_depth"] = replace(_root_mean_square(said.limit_margin), at_least=beyond)
     return found
 
 

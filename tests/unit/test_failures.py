@@ -111,6 +111,13 @@ def test_limits_and_modes_that_are_off_to_one_side_are_told():
     assert "10 are smaller than predicted" in found.text
 
 
+def test_limits_that_the_model_has_nowhere_near_are_told():
+    table = Limits(spindle_speed=np.array([4000.0 * RPM]), limit_depth=np.array([1e-5]), uncertainty=np.array([1e-6]))
+    texts = [one.text for one in told(campaign(tip_machine(), limits=table)) if one.band == {}]
+    expected = "From 0.1 to 10 times the measured limiting depth the model has no limit for 1 of 1; they count"
+    assert [text[: len(expected)] for text in texts] == [expected]
+
+
 def test_what_has_no_answer_is_said_to_have_none_and_no_size():
     stiffness = BearingStiffness(
         spindle_speed=np.linspace(0.0, 12000.0, 6) * RPM,

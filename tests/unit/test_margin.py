@@ -5,6 +5,7 @@ import pytest
 
 from chatter_core.evidence.margin import (
     CROSSING_TOLERANCE,
+    LIMIT_REACH,
     REACH,
     WIDEST_GAP,
     crossing_lines,
@@ -60,6 +61,26 @@ def test_cuts_of_one_curve_share_its_crossings():
     assert asked[0] == 6 + 3
     assert sum(asked) <= sum(2.0 * span / WIDEST_GAP for span in spans) + 2 * 5
     assert asked[-1] <= 2
+
+
+def test_what_may_be_looked_for_farther_is_where_nothing_is_in_reach():
+    asked = []
+
+    def growth(curve, place):
+        asked.append(place)
+        return place - np.array([2.0, 0.1, -1.5, 9.0])[curve]
+
+    curve, place, reach = np.array([0, 1, 2, 3, 0]), np.zeros(5), np.full(5, LIMIT_REACH)
+    reach[-1] = REACH
+    margin, crossing = margins(growth, curve, place, reach)
+    assert margin == pytest.approx([-2.0, -0.1, 1.5, -LIMIT_REACH, -REACH], abs=CROSSING_TOLERANCE)
+    assert crossing == pytest.approx([2.0, 0.1, -1.5, np.nan, np.nan], abs=CROSSING_TOLERANCE, nan_ok=True)
+    moved = followed_margins(growth, curve, place, margin + 0.2, crossing - 0.2, np.ones(5), reach)
+    # Far ones that move far are looked for as far again.
+    assert moved[0] == pytest.approx([-2.0, -0.1, 1.5, 0.2 - LIMIT_REACH, -REACH], abs=CROSSING_TOLERANCE)
+    asked.clear()
+    margins(growth, curve[1:2], place[1:2], reach[1:2])
+    assert np.abs(np.concatenate(asked)).max() == REACH
 
 
 def test_gaps_that_no_curve_is_steep_enough_to_hide_crossings_in_are_not_looked_into():

@@ -9,6 +9,7 @@ from chatter_core import chain, tip
 from chatter_core.effects import variants
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, base_model, cuts
+from chatter_core.evidence.margin import LIMIT_REACH, REACH
 from chatter_core.evidence.measured import (
     DIRECTIONS,
     OUTCOMES,
@@ -61,6 +62,25 @@ def test_limit_depths_are_cuts_that_should_have_no_margin():
         np.full(3, np.log(1.02) * 1.02 / 0.05), abs=0.05
     )
     assert list(found.log_likelihoods) == ["limit_depth"]
+
+
+def test_limit_depths_that_are_far_off_are_told_as_far_and_draw_a_fit():
+    machine = tip_machine()
+    limit = first_limits(machine, SPEEDS[:1], 1)[0]
+    far = np.log([5.0, 0.3, 100.0])
+    table = Limits(spindle_speed=np.repeat(SPEEDS[:1], 3), limit_depth=limit * np.exp(far), uncertainty=np.ones(3))
+    cut = trials(SPEEDS[:1], np.array([0.3 * limit]))
+    model = base_model(campaign(machine, trials=cut, limits=table))
+    found = model.predict(model.nulls)
+    assert found.limit_margin == pytest.approx([far[0], far[1], LIMIT_REACH], abs=2e-3)
+    # A cut that is so far from the boundary is sure, and told as sure as before.
+    assert found.margin.tolist() == [-REACH]
+    # A force that is larger by a twentieth of its prior's width takes the limit less deep by as much.
+    harder, step = model.nulls, 0.02 * model.parameters[0].prior_width
+    harder[0] = step
+    moved = model.predict(harder, found).limit_margin - found.limit_margin
+    assert model.parameters[0].name == "specific_cutting_energy"
+    assert moved == pytest.approx([step, step, 0.0], abs=1e-4)
 
 
 def test_trials_are_cut_as_each_was_set_up(reference_machine):

@@ -6,7 +6,7 @@ from scipy import stats
 
 from chatter_core.evidence import Comparison, base_model, scores
 from chatter_core.evidence.likelihood import facts, outcome, outcome_probabilities
-from chatter_core.evidence.margin import REACH
+from chatter_core.evidence.margin import LIMIT_REACH, REACH
 from chatter_core.evidence.measured import OUTCOMES, Limits
 from chatter_core.evidence.scores import COVERAGE, Told, cut_scores, misplaced, structure_scores
 from tests.synthetic import RPM, campaign, receptance, tip_machine, trials
@@ -69,17 +69,29 @@ def test_chatter_frequencies_are_off_to_the_nearest_line():
     assert found.value == pytest.approx(4.0)
 
 
-def test_limit_depths_are_off_by_their_root_mean_square():
-    table = Limits(spindle_speed=np.ones(3), limit_depth=np.ones(3), uncertainty=np.ones(3))
+def judged_limits(margin, uncertainty=0.02):
+    """Scores of limit depths of one that have such margins."""
+    one = np.ones(len(margin))
+    table = Limits(spindle_speed=one, limit_depth=one, uncertainty=uncertainty * one)
     told = Told(
         margin=np.empty(0),
         probability=np.empty((0, 2)),
         chatter_frequency=np.empty(0),
-        limit_margin=np.array([0.1, -0.1, 0.2]),
+        limit_margin=np.array(margin),
     )
-    found = cut_scores(campaign(tip_machine(), limits=table), told)
+    return cut_scores(campaign(tip_machine(), limits=table), told)
+
+
+def test_limit_depths_are_off_by_their_root_mean_square():
+    found = judged_limits([0.1, -0.1, 0.2])
     assert found["limit_depth"].value == pytest.approx(np.sqrt(0.06 / 3))
     assert list(found) == ["limit_depth"]
+    assert not found["limit_depth"].at_least
+
+
+def test_an_error_with_a_limit_that_the_model_has_not_is_a_least_one():
+    found = judged_limits([0.1, -LIMIT_REACH])["limit_depth"]
+    assert (found.value, found.at_least) == (pytest.approx(np.sqrt((0.01 + LIMIT_REACH**2) / 2)), True)
 
 
 @pytest.mark.parametrize(
