@@ -140,11 +140,24 @@ def error_rows(found: Assessment) -> list[list[str]]:
             _shown(name, found.described.scores[name]),
             _shown(name, found.refitted.scores[name]),
             _shown(name, found.held_out_scores.get(name)),
-            f"{meaning} ({found.refitted.scores[name].count} data)",
+            f"{meaning} ({_data(found, name)})",
         ]
         for name, (_, meaning) in ERRORS.items()
         if name in found.refitted.scores
     ]
+
+
+def _data(found: Assessment, name: str) -> str:
+    """Return how many data of a quantity there are, and for how many each version of the model has no answer."""
+    versions = {"as described": found.described.scores, "calibrated": found.refitted.scores}
+    lost = {version: scores[name].unanswered for version, scores in versions.items()}
+    if name in found.held_out_scores:
+        lost["held out"] = found.held_out_scores[name].unanswered
+    told = f"{found.refitted.scores[name].count} data"
+    if not any(lost.values()):
+        return told
+    without = ", ".join(f"{count} {version}" for version, count in lost.items())
+    return f"{told}; without an answer, and counted as wrong: {without}"
 
 
 def _measured(found: Assessment) -> str:

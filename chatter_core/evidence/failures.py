@@ -207,7 +207,9 @@ def _of_tables(campaign: Campaign, compared: Compared) -> Iterator[Failure]:
         known = np.flatnonzero(np.isfinite(table.apart))
         lost = len(table.apart) - len(known)
         if lost:
-            text = f"The model has no answer for {lost} of {len(table.apart)} measured {table.what}."
+            text = (
+                f"The model has no answer for {lost} of {len(table.apart)} measured {table.what}; they count as wrong."
+            )
             yield Failure(quantity=table.quantity, band={}, excess=lost / len(table.apart), chance=0.0, text=text)
         standard, far = (table.apart / table.error)[known], stats.norm.ppf(1.0 - 0.5 * IMPROBABLE)
         for failed, side in ((standard > far, "larger"), (standard < -far, "smaller")):

@@ -215,15 +215,23 @@ def receptance_by_size(
     return Contribution(log_density=-0.5 * weight * residual**2, coordinates=parts, score=-parts)
 
 
-def gaussian(residual: Array, error: Array | float) -> Contribution:
-    """Return what residuals (datum,) with a standard deviation say; one that is none is off by UNANSWERED deviations.
+def with_unanswered(residual: Array, error: Array | float) -> Array:
+    """Return residuals (datum,) with a standard deviation; one that is none is off by UNANSWERED deviations.
 
     That is NaN, where a model has no answer, or infinite, as a damping ratio of zero is far from any measured one.
 
     See docs/physics.md#likelihoods.
     """
+    return np.where(np.isfinite(residual), residual, UNANSWERED * error)
+
+
+def gaussian(residual: Array, error: Array | float) -> Contribution:
+    """Return what residuals (datum,) with a standard deviation say, those without an answer as far off.
+
+    See docs/physics.md#likelihoods.
+    """
     error = np.broadcast_to(error, residual.shape)
-    standard = np.where(np.isfinite(residual), residual / error, UNANSWERED)
+    standard = with_unanswered(residual, error) / error
     return Contribution(
         log_density=-0.5 * standard**2 - np.log(error) - 0.5 * np.log(2.0 * np.pi),
         coordinates=standard[:, None],

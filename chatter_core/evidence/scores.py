@@ -11,11 +11,21 @@ from scipy import stats
 
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.comparison import Compared, Comparison
-from chatter_core.evidence.likelihood import balanced_error, facts, frequency_residual, outcome
+from chatter_core.evidence.likelihood import (
+    DAMPING_RATIO_ERROR,
+    NATURAL_FREQUENCY_ERROR,
+    STIFFNESS_ERROR,
+    balanced_error,
+    facts,
+    frequency_residual,
+    outcome,
+    with_unanswered,
+)
 from chatter_core.evidence.margin import REACH, out_of_reach
-from chatter_core.evidence.measured import OUTCOMES, measuring_ranges
+from chatter_core.evidence.measured import OUTCOMES, Receptance, Trials, measuring_ranges
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.prediction import Prediction
+from chatter_core.stages import ComplexArray
 
 #: Coverage of the intervals.
 COVERAGE = 0.9
@@ -39,13 +49,15 @@ ERRORS = {
 class Score:
     """Error of one quantity; low and high enclose it with COVERAGE, NaN where data are too few; count: of data.
 
-    at_least: whether it may be larger, for some data are farther off than is looked.
+    unanswered: how many of them the model has no answer for, which count as wrong; at_least: whether it may be larger,
+    for some data are farther off than is looked.
     """
 
     value: float
     low: float
     high: float
     count: int
+    unanswered: int = 0
     at_least: bool = False
 
 
@@ -83,21 +95,31 @@ def cut_scores(campaign: Campaign, said: Told) -> dict[str, Score]:
 
     See docs/physics.md#comparison.
     """
-    found, trials = {}, campaign.trials
-    if trials is not None:
-        if (trials.outcome != OUTCOMES.index("marginal")).any():
-            found["outcome"] = _outcome_error(trials.outcome, said.margin)
-            found["depth_margin"] = _mean(misplaced(trials.outcome, said.margin), REACH)
-        loss = -outcome(trials.outcome, said.probability).log_density
-        found["log_loss"] = _mean(loss, float(-np.log(said.probability.min())))
-        heard = np.isfinite(trials.chatter_frequency)
-        if heard.any():
-            tooth_passing = campaign.machine.tool.teeth * trials.spindle_speed[heard]
-            apart = frequency_residual(trials.chatter_frequency[heard], said.chatter_frequency[heard], tooth_passing)
-            found["chatter_frequency"] = _median(np.abs(apart) / (2.0 * np.pi))
+    found = {} if campaign.trials is None else _trial_scores(campaign.trials, campaign.machine.tool.teeth, said)
     if campaign.limits is not None:
+        error = campaign.limits.uncertainty / campaign.limits.limit_depth
         beyond = bool(out_of_reach(said.limit_margin).any())
-        found["limit_depth"] = replace(_root_mean_square(said.limit_margin), at_least=beyond)
+        found["limit_depth"] = replace(_of_residuals(said.limit_margin, error), at_least=beyond)
+    return found
+
+
+def _trial_scores(trials: Trials, teeth: int, said: Told) -> dict[str, Score]:
+    """Return the scores of trial cuts; what is without an answer is counted, and wrong."""
+    found, unanswered = {}, np.isnan(said.margin)
+    judged = trials.outcome != OUTCOMES.index("marginal")
+    if judged.any():
+        lost = int(unanswered[judged].sum())
+        found["outcome"] = replace(_outcome_error(trials.outcome, said.margin), unanswered=lost)
+        misplacement = _mean(misplaced(trials.outcome, said.margin), REACH)
+        found["depth_margin"] = replace(misplacement, unanswered=lost)
+    loss = _mean(-outcome(trials.outcome, said.probability).log_density, float(-np.log(said.probability.min())))
+    found["log_loss"] = replace(loss, unanswered=int(unanswered.sum()))
+    heard = np.isfinite(trials.chatter_frequency)
+    if heard.any():
+        tooth_passing, predicted = teeth * trials.spindle_speed[heard], said.chatter_frequency[heard]
+        apart = np.abs(frequency_residual(trials.chatter_frequency[heard], predicted, tooth_passing))
+        lost = int(np.isnan(predicted).sum())
+        found["chatter_frequency"] = replace(_median(apart / (2.0 * np.pi)), unanswered=lost)
     return found
 
 
@@ -108,22 +130,29 @@ def structure_scores(campaign: Campaign, compared: Compared) -> dict[str, Score]
     """
     found, prediction = {}, compared.prediction
     if campaign.receptances:
-        triples = zip(campaign.receptances, measuring_ranges(campaign.receptances), prediction.receptances, strict=True)
-        # A response across the axes may hold nothing but noise.
-        direct = [one for one in triples if one[0].is_direct or not any(r.is_direct for r in campaign.receptances)]
-        apart = [np.linalg.norm(one.value - np.nan_to_num(h)) / np.linalg.norm(one.value) for one, _, h in direct]
-        # The parts of a response scatter and not its norm: an interval knows as many numbers as they hold.
-        found["receptance"] = _root_mean_square(np.array(apart), sum(facts(one.value, top) for one, top, _ in direct))
+        found["receptance"] = _receptance_error(campaign.receptances, prediction.receptances)
     modes, stiffness = campaign.natural_frequencies, campaign.stiffness
     if modes is not None:
-        found["natural_frequency"] = _log_error(modes.natural_frequency, prediction.natural_frequency)
+        measured, predicted = modes.natural_frequency, prediction.natural_frequency
+        found["natural_frequency"] = _log_error(measured, predicted, NATURAL_FREQUENCY_ERROR)
         if np.isfinite(modes.damping_ratio).any():
-            found["damping_ratio"] = _log_error(modes.damping_ratio, prediction.damping_ratio)
+            found["damping_ratio"] = _log_error(modes.damping_ratio, prediction.damping_ratio, DAMPING_RATIO_ERROR)
     if stiffness is not None:
         measured = np.concatenate([stiffness.radial_stiffness, stiffness.axial_stiffness])
         predicted = np.concatenate([prediction.radial_stiffness, prediction.axial_stiffness])
-        found["bearing_stiffness"] = _log_error(measured, predicted)
+        found["bearing_stiffness"] = _log_error(measured, predicted, STIFFNESS_ERROR)
     return found
+
+
+def _receptance_error(measured: tuple[Receptance, ...], predicted: tuple[ComplexArray, ...]) -> Score:
+    """Return the error of the direct responses; one without an answer is a tip that does not move."""
+    triples = list(zip(measured, measuring_ranges(measured), predicted, strict=True))
+    # A response across the axes may hold nothing but noise.
+    direct = [one for one in triples if one[0].is_direct or not any(other.is_direct for other in measured)]
+    apart = [np.linalg.norm(one.value - np.nan_to_num(h)) / np.linalg.norm(one.value) for one, _, h in direct]
+    # The parts of a response scatter and not its norm: an interval knows as many numbers as they hold.
+    found = _root_mean_square(np.array(apart), sum(facts(one.value, top) for one, top, _ in direct))
+    return replace(found, unanswered=sum(bool(np.isnan(h).all()) for _, _, h in direct))
 
 
 def misplaced(labels: NDArray[np.int8], margin: Array) -> Array:
@@ -178,19 +207,23 @@ def _median(data: Array) -> Score:
     return Score(value=float(np.median(data)), low=float(interval.low), high=float(interval.high), count=len(data))
 
 
-def _root_mean_square(data: Array, freedom: float | None = None) -> Score:
+def _root_mean_square(data: Array, freedom: float) -> Score:
     """Return the root mean square of data (datum,), with the chi-square interval of normal ones.
 
-    freedom: how many independent numbers they hold, as many as there are data unless stated.
+    freedom: how many independent numbers they hold.
     """
-    known = data[np.isfinite(data)]
-    count = len(known)
-    if not count:
-        return Score(value=np.nan, low=np.nan, high=np.nan, count=0)
-    value, freedom = float(np.sqrt((known**2).mean())), count if freedom is None else freedom
+    value = float(np.sqrt((data**2).mean()))
     low, high = value * np.sqrt(freedom / stats.chi2.ppf([0.5 * (1.0 + COVERAGE), 0.5 * (1.0 - COVERAGE)], freedom))
-    return Score(value=value, low=float(low), high=float(high), count=count)
+    return Score(value=value, low=float(low), high=float(high), count=len(data))
 
 
-def _log_error(measured: Array, predicted: Array) -> Score:
-    return _root_mean_square(np.log(measured / predicted))
+def _of_residuals(residual: Array, error: Array | float) -> Score:
+    """Return the root mean square of residuals (datum,) with a standard deviation; as in a fit, none is far off."""
+    found = _root_mean_square(with_unanswered(residual, error), len(residual))
+    return replace(found, unanswered=int((~np.isfinite(residual)).sum()))
+
+
+def _log_error(measured: Array, predicted: Array, error: float) -> Score:
+    """Return the error of what was measured; cells of a table (row,) that are empty were not."""
+    stated = np.isfinite(measured)
+    return _of_residuals(np.log(measured[stated] / predicted[stated]), error)

@@ -207,7 +207,7 @@ def test_too_few_cuts_to_judge_by_are_counted(tmp_path, capsys, verb):
 
 
 def test_an_error_that_is_not_known_is_null(tmp_path: Path):
-    """A limiting depth at a speed that is outside of the model's validity has none."""
+    """JSON knows no number that is none."""
     unknown = Score(value=float("nan"), low=float("nan"), high=float("nan"), count=1)
     told = diagnosis_document.errors(SimpleNamespace(held_out={"none": {"limit_depth": unknown}}))
     assert told["limit_depth"]["none"] is None

@@ -77,6 +77,19 @@ def test_an_answer_takes_the_place_of_an_earlier_one_and_of_nothing_else(tmp_pat
     assert "holds the answer for campaign 'quick'" in refused(capsys, verb, f"campaign={other}", f"output={output}")
 
 
+def test_what_has_no_answer_is_counted_in_document_and_page(tmp_path, quick):
+    output = tmp_path / "out"
+    main(["compare", f"campaign={quick}", f"output={output}", SERIAL])
+    errors = json.loads((output / "comparison.json").read_text())["errors"]
+    told = errors["natural_frequency"]["calibrated"]
+    assert (told["count"], told["unanswered"], told["at_least"]) == (2, 1, False)
+    # Ten deviations of half a percent.
+    assert told["value"] >= 0.05 / 2**0.5
+    page = (output / "report.html").read_text()
+    assert "(2 data; without an answer, and counted as wrong: 1 as described, 1 calibrated)" in page
+    assert "(1 data)" in page
+
+
 @every_verb
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_an_answer_is_not_written_over_that_of_another_campaign(tmp_path, capsys, quick, verb, document):

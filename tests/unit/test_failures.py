@@ -128,7 +128,7 @@ def test_what_has_no_answer_is_said_to_have_none_and_no_size():
     # Measured tip modes know nothing of bearings.
     (found,) = told(campaign(tip_machine(), stiffness=stiffness))
     assert found.quantity == "bearing_stiffness"
-    assert found.text == "The model has no answer for 6 of 6 measured radial stiffnesses."
+    assert found.text == "The model has no answer for 6 of 6 measured radial stiffnesses; they count as wrong."
     assert found.excess == 1.0
 
 

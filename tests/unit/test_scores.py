@@ -7,7 +7,7 @@ from scipy import stats
 from chatter_core.evidence import Comparison, base_model, scores
 from chatter_core.evidence.likelihood import facts, outcome, outcome_probabilities
 from chatter_core.evidence.margin import LIMIT_REACH, REACH
-from chatter_core.evidence.measured import OUTCOMES, Limits
+from chatter_core.evidence.measured import OUTCOMES, BearingStiffness, Limits, NaturalFrequencies
 from chatter_core.evidence.scores import COVERAGE, Told, cut_scores, misplaced, structure_scores
 from tests.synthetic import RPM, campaign, receptance, tip_machine, trials
 
@@ -97,14 +97,14 @@ def test_an_error_with_a_limit_that_the_model_has_not_is_a_least_one():
 @pytest.mark.parametrize(
     ("score", "draw", "truth"),
     [
-        ("_median", lambda rng: np.exp(rng.standard_normal(25)), 1.0),
-        ("_root_mean_square", lambda rng: 0.3 * rng.standard_normal(20), 0.3),
+        ("_median", lambda rng: (np.exp(rng.standard_normal(25)),), 1.0),
+        ("_of_residuals", lambda rng: (0.3 * rng.standard_normal(20), 0.3), 0.3),
     ],
 )
 def test_intervals_cover_as_stated(score, draw, truth):
     inside = 0
     for seed in range(SETS):
-        found = getattr(scores, score)(draw(np.random.default_rng(seed)))
+        found = getattr(scores, score)(*draw(np.random.default_rng(seed)))
         inside += found.low <= truth <= found.high
     # Order statistics are discrete: the median's interval covers what is stated, or more.
     assert inside / SETS >= LEAST
@@ -142,6 +142,35 @@ def test_a_cut_without_an_answer_is_as_far_off_as_any():
     assert found["outcome"].value == 0.5
     assert found["depth_margin"].value == pytest.approx(2 * REACH / 4)
     assert found["depth_margin"].count == 4
+
+
+def test_what_has_no_answer_is_off_by_ten_deviations_and_counted():
+    found = judged_limits([0.1, np.nan], uncertainty=0.03)["limit_depth"]
+    assert (found.value, found.count, found.unanswered) == (pytest.approx(np.sqrt((0.1**2 + 0.3**2) / 2)), 2, 1)
+    of_cuts = judged([STABLE, CHATTER, MARGINAL], [np.nan, 0.1, np.nan])
+    assert {name: one.unanswered for name, one in of_cuts.items()} == {"outcome": 1, "depth_margin": 1, "log_loss": 2}
+
+
+def test_modes_and_stiffnesses_that_the_model_has_not_are_off_and_what_was_not_measured_is_not():
+    two, unknown = np.ones(2), np.array([np.nan, np.nan])
+    modes = NaturalFrequencies(
+        spindle_speed=two,
+        mode=np.array([1, 5]),
+        natural_frequency=600.0 * 2.0 * np.pi * two,
+        damping_ratio=np.array([np.nan, 0.03]),
+    )
+    # Measured tip modes know nothing of bearings, and there are fewer than five.
+    bearing = BearingStiffness(
+        spindle_speed=two, preload=100.0 * two, radial_stiffness=5e7 * two, axial_stiffness=unknown
+    )
+    made = campaign(tip_machine(), natural_frequencies=modes, stiffness=bearing)
+    comparison = Comparison(model=base_model(made))
+    found = structure_scores(made, comparison.compare(comparison.model.nulls))
+    told = {name: (one.value, one.count, one.unanswered) for name, one in found.items()}
+    # Ten deviations of 0.005, 0.2 and 0.05 of the logarithm; the first frequency is as predicted.
+    assert told["natural_frequency"] == (pytest.approx(0.05 / np.sqrt(2.0)), 2, 1)
+    assert told["damping_ratio"] == (pytest.approx(2.0), 1, 1)
+    assert told["bearing_stiffness"] == (pytest.approx(0.5), 2, 2)
 
 
 def test_the_interval_of_the_receptance_error_knows_the_numbers_in_a_response():
