@@ -343,7 +343,11 @@ def _sentence(data: _Data, band: Band, where: str) -> str:
 def _of_response(misfit: Misfit) -> Failure:
     return Failure(
         quantity="receptance",
-        band={"receptance": misfit.response, "frequency_hz": [misfit.low, misfit.high], "mode": misfit.mode},
+        band={
+            "receptance": misfit.response,
+            "frequency_hz": [misfit.low, misfit.high],
+            **({"mode": misfit.mode} if misfit.mode else {}),
+        },
         excess=misfit.apart - misfit.expected,
         chance=misfit.chance,
         text=misfit.text,

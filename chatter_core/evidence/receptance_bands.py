@@ -19,9 +19,9 @@ from chatter_core.units import si_factor
 class Misfit:
     """A band of a response that differs by more than noise.
 
-    response in words; mode: whose natural frequency lies in the band; low, high [Hz]; apart: norm of the
-    difference over that of the measured band, and expected: what noise explains; chance: that a right model
-    is as far off in any band of the campaign; text.
+    response in words; mode: whose natural frequency lies in the band, 0 along an axis without modes; low, high [Hz];
+    apart: norm of the difference over that of the measured band, and expected: what noise explains; chance: that a
+    right model is as far off in any band of the campaign; text.
     """
 
     response: str
@@ -38,7 +38,8 @@ def misfits(campaign: Campaign, prediction: Prediction) -> list[Misfit]:
     """Return the bands of all responses in which measured and predicted differ by more than noise.
 
     A band around a mode reaches halfway to its neighbours, and is judged as far as it was measured, for a peak may
-    stand where the model has none. It holds FACTS_OF_A_PEAK independent numbers.
+    stand where the model has none. It holds FACTS_OF_A_PEAK independent numbers. Along an axis for which the model has
+    no modes all lines are one band.
 
     See docs/physics.md#comparison.
     """
@@ -65,11 +66,14 @@ def misfits(campaign: Campaign, prediction: Prediction) -> list[Misfit]:
 
 
 def _bands(measured: Receptance, prediction: Prediction) -> Iterator[tuple[int, Indices]]:
-    """Yield mode and lines of each band of a response."""
+    """Yield mode and lines of each band of a response; where the axis has no modes all lines, of mode 0."""
     built = prediction.response
     assert built is not None
     speed = int(np.searchsorted(built.spindle_speed, measured.spindle_speed))
     of_axis = np.flatnonzero(built.modes.axis == measured.output_axis)
+    if not len(of_axis):
+        yield 0, np.arange(len(measured.frequency))
+        return
     natural = np.sort(built.modes.natural_frequency[speed, of_axis])
     borders = np.concatenate([[0.0], np.sqrt(natural[1:] * natural[:-1]), [np.inf]])
     for mode in range(1, len(natural) + 1):
@@ -86,10 +90,11 @@ def _misfit(
         f"{hertz[size.argmax()]:.0f} Hz and {size.max() / si_factor('x_um'):.3g} um/N"
         for size in (np.abs(measured.value[lines]), np.abs(predicted[lines]))
     ]
+    of_mode = f" (mode {mode})" if mode else ""
+    expected = f"predicted at {peaks[1]}" if mode else "and the model has no modes along this axis"
     text = (
-        f"Receptance {measured}, {hertz[0]:.0f} to {hertz[-1]:.0f} Hz (mode {mode}): measured and predicted differ by "
-        f"{100 * share[0]:.0f} %, noise explains {100 * share[1]:.0f} %; measured peak at {peaks[0]}, predicted at "
-        f"{peaks[1]}."
+        f"Receptance {measured}, {hertz[0]:.0f} to {hertz[-1]:.0f} Hz{of_mode}: measured and predicted differ by "
+        f"{100 * share[0]:.0f} %, noise explains {100 * share[1]:.0f} %; measured peak at {peaks[0]}, {expected}."
     )
     return Misfit(
         response=str(measured),

@@ -12,6 +12,7 @@ from chatter_core.evidence.bands import CHANCE
 from chatter_core.evidence.failures import failures
 from chatter_core.evidence.fit import fit
 from chatter_core.evidence.measured import OUTCOMES, BearingStiffness, Limits, NaturalFrequencies
+from chatter_core.machine import Machine
 from tests.synthetic import RPM, campaign, measured, receptance, tip_machine, trials
 
 SETS = 25
@@ -88,6 +89,25 @@ def test_a_response_that_is_off_is_told_with_its_mode_and_both_peaks():
     assert "measured peak at 570 Hz" in first.text
     assert "predicted at 600 Hz" in first.text
     assert first.excess > 0.3
+
+
+def test_a_response_along_an_axis_for_which_the_model_has_no_modes_is_judged():
+    machine = tip_machine().described()
+    machine["tip"]["modes"] = machine["tip"]["modes"][:1]
+    rng = np.random.default_rng(4)
+    plan = planned(rng)
+    both = replace(plan, receptances=(*plan.receptances, receptance(LINES, axis=1)))
+    made = replace(measured(both, base_model(both).nulls, rng), machine=Machine.model_validate(machine), trials=None)
+    (found,) = told(made)
+    assert (found.quantity, found.band["frequency_hz"]) == ("receptance", [300.0, 900.0])
+    assert "mode" not in found.band
+    assert "the model has no modes along this axis" in found.text
+    # It is all of the response that is missing.
+    assert found.excess > 0.8
+    # Across the axes there is nothing but noise, a third of what the likelihood grants: 0.02 of both ranges' mean.
+    noise = 1e-4 * np.abs(made.receptances[0].value).max() * (rng.standard_normal((2, len(LINES))).T @ [1.0, 1j])
+    across = replace(made.receptances[0], output_axis=1, value=noise)
+    assert told(replace(made, receptances=(made.receptances[0], across))) == []
 
 
 def test_limits_and_modes_that_are_off_to_one_side_are_told():
