@@ -210,10 +210,7 @@ def _evaluate_all(solver: _Solver, axial_depth: Array) -> tuple[Stability, Array
     pending = np.flatnonzero(solver.built.solved)
     for _ in range(REFINEMENTS):
         radius = grid.spectral_radius.reshape(speeds, depths)[pending]
-        nearest = _nearest_to_boundary(radius)
-        rows = np.repeat(pending, nearest.shape[1])
-        found = solver.error(rows, axial_depth[nearest.ravel()], np.take_along_axis(radius, nearest, axis=1).ravel())
-        error[pending] = found.reshape(nearest.shape).max(axis=1)
+        error[pending] = _error_near_boundary(solver, pending, np.tile(axial_depth, (len(pending), 1)), radius)
         pending = _too_inexact(solver, pending, error)
         if not len(pending):
             break
@@ -224,10 +221,18 @@ def _evaluate_all(solver: _Solver, axial_depth: Array) -> tuple[Stability, Array
     return grid, error
 
 
-def _nearest_to_boundary(radius: Array) -> Indices:
-    """Return the depths (speed, cell) whose spectral radius (speed, depth) is nearest to one."""
+def _error_near_boundary(solver: _Solver, speed: Indices, depth: Array, radius: Array) -> Array:
+    """Return the largest error (speed,) of the spectral radii (speed, depth) nearest to one; NaN where none is known.
+
+    What has no result has no error either, and says nothing of its neighbours.
+    """
     distance = np.nan_to_num(np.abs(np.log(radius)), nan=np.inf)
-    return np.argsort(distance, axis=1, kind="stable")[:, :ERROR_CELLS]
+    nearest = np.argsort(distance, axis=1, kind="stable")[:, :ERROR_CELLS]
+    at, of = (np.take_along_axis(array, nearest, axis=1) for array in (depth, radius))
+    known = np.isfinite(of)
+    found = np.full(nearest.shape, -np.inf)
+    found[known] = solver.error(np.repeat(speed, known.sum(axis=1)), at[known], of[known])
+    return np.where(known.any(axis=1), found.max(axis=1), np.nan)
 
 
 def _too_inexact(solver: _Solver, pending: Indices, error: Array) -> Indices:
@@ -300,9 +305,7 @@ def _evaluate_where_needed(solver: _Solver, axial_depth: Array) -> tuple[Stabili
         limits[pending], complete[pending] = crossings.depth, crossings.complete
         samples(*_cells_at_boundary(axial_depth, limits[pending]))
         for speed, (depth, found) in zip(pending, samples.by_speed(), strict=True):
-            nearest = _nearest_to_boundary(found.spectral_radius[None])[0]
-            at = np.full(len(nearest), speed)
-            error[speed] = solver.error(at, depth[nearest], found.spectral_radius[nearest]).max()
+            (error[speed],) = _error_near_boundary(solver, np.array([speed]), depth[None], found.spectral_radius[None])
             grid.overwrite(speed * depths + np.arange(depths), _between(axial_depth, depth, found))
         pending = _too_inexact(solver, pending, error)
         if not len(pending):

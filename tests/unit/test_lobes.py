@@ -109,6 +109,15 @@ def test_a_motion_beyond_floating_point_is_marked_and_its_neighbours_are_not(ref
     assert list(block.status[0]) == [STATUS["ok"], STATUS["ok"], STATUS["not_converged"], STATUS["not_converged"]]
 
 
+@pytest.mark.parametrize("cells", ["all", "adaptive"])
+def test_the_only_cell_of_a_speed_with_a_result_keeps_it(reference_machine, cells):
+    # As above; adaptive cells between the only depth with a result and one without have none.
+    block = lobes(reference_machine, [120.0], [1e-4, 1e3, 1e4], cells=cells)
+    first = STATUS["ok"] if cells == "all" else STATUS["not_converged"]
+    assert list(block.status[0]) == [first, STATUS["not_converged"], STATUS["not_converged"]]
+    assert block.error_estimate[0] <= COLLOCATION.tolerance
+
+
 def test_the_error_of_semi_discretization_is_told_where_it_follows_the_wrong_branch(reference_machine):
     built = structure(reference_machine, np.array([12000.0]) * RPM, mode_count=4)
     method = MethodSettings(name="semi_discretization", intervals=40, order=0)
