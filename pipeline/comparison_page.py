@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from chatter_core.evidence import Campaign
 from chatter_core.evidence.assessment import Assessment
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
 from pipeline import comparison_document, comparison_figures, page
@@ -12,10 +13,6 @@ from pipeline.comparison_plots import comparison_plots
 from pipeline.plots import Embedded, embed
 
 CAPTIONS = {
-    "lobes": "Boundary of stability as described and as calibrated, with the band in which the latter lies as far as "
-    "its parameters are uncertain; cuts as they were judged, coloured by whether the model tells them right.",
-    "receptances": "Receptance of the tool tip, measured and predicted. Predictions hold the sensor's fitted gain, "
-    "phase and frequency scale. Below each: how far they are apart, in standard deviations of a measured line.",
     "residuals": "Above: where the calibrated model puts each cut, as distance from the boundary; below: how far "
     "measured chatter frequencies lie from the strongest line of the predicted motion, tooth passings aside.",
     "pulls": "Parameters of the calibration in widths of what is plausible before measuring. Beyond three the fit "
@@ -24,10 +21,12 @@ CAPTIONS = {
 #: Plots that a page has in the place of pictures.
 PLOTTED = {
     "lobes": "The boundary by the version of the model that is chosen; of a calibrated one with the band in which it "
-    "lies as far as its parameters are uncertain. Cuts as they were judged: green where the model tells them right, "
-    "red where wrongly.",
+    "lies as far as its parameters are uncertain.",
     "receptances": "Predictions hold the sensor's fitted gain, phase and frequency scale.",
 }
+#: What lies on the boundary.
+JUDGED = " Cuts as they were judged: green where the model tells them right, red where wrongly."
+LIMITS = " Limit depths as they were measured, with their standard uncertainty."
 #: Everything that there may be to write.
 FILES = (
     comparison_document.DOCUMENT,
@@ -49,10 +48,11 @@ NAMES = {
     "damping_ratio": "damping ratio",
     "bearing_stiffness": "bearing stiffness",
 }
-#: What the headlines say of errors.
+#: What the headlines say of errors, and of what was held out.
 HEADS = {
-    "outcome": "Told wrongly, mean of stable cuts and of those with chatter",
-    "receptance": "Receptances not met, share of their size",
+    "outcome": ("Told wrongly, mean of stable cuts and of those with chatter", "cuts that were held out"),
+    "limit_depth": ("Limit depths not met, of their logarithm", "those that were held out"),
+    "receptance": ("Receptances not met, share of their size", ""),
 }
 #: Quantities told in per cent.
 PER_CENT = ("outcome", "depth_margin", "limit_depth", "receptance", "natural_frequency", "damping_ratio",
@@ -61,7 +61,7 @@ PER_CENT = ("outcome", "depth_margin", "limit_depth", "receptance", "natural_fre
 
 def write(found: Assessment, campaign: str, output: Path) -> list[Path]:
     """Write data, figures and page of a comparison; return the paths."""
-    written = comparison_document.write(found, campaign, output)
+    written, measured = comparison_document.write(found, campaign, output), found.comparison.model.campaign
     pictures = comparison_figures.write(found, output / comparison_figures.FOLDER)
     page.write(
         output / PAGE,
@@ -76,16 +76,29 @@ def write(found: Assessment, campaign: str, output: Path) -> list[Path]:
             ("As described", [failure.text for failure in found.described.failures]),
         ],
         plots=plots_of(found),
-        captions=PLOTTED,
+        captions=captions(measured),
         figures=page.embedded([path for path in pictures if path.stem not in PLOTTED], CAPTIONS),
         parameters=_parameter_rows(found),
         reliability=comparison_document.reliability(found),
         coverage=f"{100 * COVERAGE:.0f} %",
         groups=found.held_out_groups,
-        remarks=found.comparison.model.campaign.remarks,
+        judged=judged(measured),
+        remarks=measured.remarks,
         fit=found.refitted.fit,
     )
     return [*written, *pictures, output / PAGE]
+
+
+def judged(campaign: Campaign) -> str:
+    """Return in words by which cuts a model is judged, "" where nothing was cut."""
+    tables = {"cuts": campaign.trials, "limit depths": campaign.limits}
+    return " and ".join(name for name, table in tables.items() if table is not None)
+
+
+def captions(campaign: Campaign) -> dict[str, str]:
+    """Return what is said below the plots of a page."""
+    told = (JUDGED if campaign.trials is not None else "") + (LIMITS if campaign.limits is not None else "")
+    return {**PLOTTED, "lobes": PLOTTED["lobes"] + told}
 
 
 def plots_of(found: Assessment | None) -> Embedded | None:
@@ -113,15 +126,16 @@ def summary(found: Assessment) -> str:
 def headlines(found: Assessment) -> list[str]:
     """Return the gist in sentences."""
     told = []
-    for name in ("outcome", "receptance"):
+    for name, (words, held_out) in HEADS.items():
         if name in found.refitted.scores:
-            before, after = (_percent(v.scores[name].value) for v in (found.described, found.refitted))
+            before, after = (_head(version.scores[name]) for version in (found.described, found.refitted))
             held = found.held_out_scores.get(name)
-            then = f", {_percent(held.value)} on cuts that were held out" if held is not None else ""
-            told.append(f"{HEADS[name]}: {before} by the model as described, {after} once calibrated{then}.")
+            then = f", {_head(held)} on {held_out}" if held is not None else ""
+            told.append(f"{words}: {before} by the model as described, {after} once calibrated{then}.")
     told += comparison_document.cautions(found.refitted.fit, "The calibration")
-    if found.comparison.model.campaign.trials is not None and found.held_out is None:
-        told.append("Cuts at three speeds or more are needed to hold some out.")
+    cut = judged(found.comparison.model.campaign)
+    if cut and found.held_out is None:
+        told.append(f"{cut.capitalize()} at three speeds or more are needed to hold some out.")
     count = len(found.refitted.failures)
     told.append(
         "After calibration no failure was found that noise does not explain; few data show few."
@@ -185,6 +199,10 @@ def _shown(name: str, score: Score | None) -> str:
     )
     # One datum has no scatter.
     return f"{least}{value}{unit}" + (f" ({low} to {high})" if math.isfinite(score.low + score.high) else "")
+
+
+def _head(score: Score) -> str:
+    return ("at least " if score.at_least else "") + _percent(score.value)
 
 
 def _percent(value: float) -> str:

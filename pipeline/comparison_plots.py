@@ -10,7 +10,7 @@ from bokeh.plotting.contour import contour_data
 
 from chatter_core.evidence.assessment import WIDTHS, Assessment, Version
 from chatter_core.evidence.boundary import Field
-from chatter_core.evidence.measured import OUTCOMES, Trials
+from chatter_core.evidence.measured import OUTCOMES, Limits, Trials
 from chatter_core.units import si_factor
 from pipeline.comparison_figures import (
     CALIBRATED,
@@ -48,18 +48,23 @@ def _versions(found: Assessment) -> dict[str, Version]:
 
 
 def _lobes(found: Assessment) -> dict[str, Model]:
-    """Return the boundary, the band in which it lies, and the trials on it."""
+    """Return the boundary, the band in which it lies, and on it the trials and the limit depths that were measured."""
     setups = {str(number): setup_text(field.machine) for number, field in enumerate(found.refitted.fields)}
     titles = {name: version.title for name, version in _versions(found).items()}
     choices = Choices({MODEL: titles, CUTS: setups}, {MODEL: "after", CUTS: "0"}, width=320)
-    made = plot("Cuts and the boundary of stability", "spindle speed [rpm]", "axial depth [mm]", height=460)
+    trials, limits = found.comparison.model.campaign.trials, found.comparison.model.campaign.limits
+    what = "Limit depths" if trials is None else "Cuts"
+    made = plot(f"{what} and the boundary of stability", "spindle speed [rpm]", "axial depth [mm]", height=460)
     cases = list(_cases(found))
     bands = choices.source({key: _band(version, field, found) for key, version, field in cases}, {})
     made.multi_polygons("xs", "ys", source=bands, color=CALIBRATED, fill_alpha=0.18, line_width=0)
     lines = choices.source({key: _boundary(field) for key, _, field in cases}, {})
     boundary = made.multi_line("xs", "ys", source=lines, color=CALIBRATED, line_width=2)
     entries = {"boundary": [boundary]}
-    trials = found.comparison.model.campaign.trials
+    if limits is not None:
+        entries["limit depths"] = _limits(
+            made, choices, {key: _limit_columns(limits, field) for key, _, field in cases}
+        )
     if trials is not None:
         marks = _trials(made, choices, [(key, _trial_columns(trials, version, field)) for key, version, field in cases])
         entries |= {name: [mark] for name, mark in marks.items()}
@@ -137,6 +142,22 @@ def _trials(made: figure, choices: Choices, cases: Sequence[tuple[Key, dict[str,
         ]
         made.add_tools(hover([marks[name]], rows))
     return marks
+
+
+def _limit_columns(limits: Limits, field: Field) -> dict[str, np.ndarray]:
+    """Return the limit depths of a field as columns, with what lies a standard uncertainty beside them."""
+    own = limits.at(field.limits)
+    depth, apart = own.limit_depth / MILLIMETRE, own.uncertainty / MILLIMETRE
+    return {"speed": own.spindle_speed / RPM, "depth": depth, "low": depth - apart, "high": depth + apart}
+
+
+def _limits(made: figure, choices: Choices, cases: dict[Key, dict[str, np.ndarray]]) -> list[Any]:
+    """Add the limit depths that were measured; return their marks and uncertainties."""
+    source = choices.source(cases, {})
+    bars = made.segment("speed", "low", "speed", "high", source=source, color=MEASURED, line_width=2)
+    marks = made.scatter("speed", "depth", source=source, marker="square", size=7, color=MEASURED)
+    made.add_tools(hover([marks], [("limit depth", "@depth{0.000} mm at @speed{0} rpm")]))
+    return [bars, marks]
 
 
 def _receptances(found: Assessment) -> dict[str, Model]:

@@ -5,7 +5,7 @@ from pathlib import Path
 from chatter_core.evidence.ranking import NOTHING
 from pipeline import diagnosis_document, diagnosis_figures, page
 from pipeline.answer_folder import PAGE
-from pipeline.comparison_page import PLOTTED, plots_of
+from pipeline.comparison_page import PLOTTED, captions, plots_of
 from pipeline.diagnosis import Diagnosis
 from pipeline.diagnosis_document import outcome_error
 
@@ -48,7 +48,7 @@ def write(found: Diagnosis, campaign: str, output: Path) -> list[Path]:
         rows=ranking_rows(found),
         not_tried=not_tried(found) if found.not_tried else "",
         plots=plots_of(found.before_and_after),
-        captions=PLOTTED,
+        captions=captions(found.base.comparison.model.campaign),
         figures=page.embedded([path for path in pictures if path.stem not in PLOTTED], CAPTIONS),
     )
     return [*written, *pictures, output / PAGE]

@@ -16,12 +16,12 @@ COLUMNS = 3
 #: where they are alike.
 KINDS = (
     ("in_sample", COLOURS[0], "on the data of the fit", "s-", 9.0, 3.0),
-    ("held_out", COLOURS[1], "on cuts held out", "o-", 5.0, 1.2),
+    ("held_out", COLOURS[1], "on data held out", "o-", 5.0, 1.2),
 )
 
 
 def history(table: pd.DataFrame) -> Figure:
-    """Draw the errors of every version of the model, on the data that it was fitted to and on cuts held out."""
+    """Draw the errors of every version of the model, on the data that it was fitted to and on those held out."""
     shown = [name for name in SHOWN if f"{name}_in_sample" in table]
     rows = -(-len(shown) // COLUMNS)
     columns = -(-len(shown) // rows)

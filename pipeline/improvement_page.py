@@ -10,7 +10,7 @@ import pandas as pd
 from chatter_core.evidence.scores import ERRORS
 from pipeline import comparison_figures, diagnosis_document, diagnosis_figures, diagnosis_page, improvement_figure, page
 from pipeline.answer_folder import PAGE
-from pipeline.comparison_page import NAMES, PER_CENT, PLOTTED, plots_of
+from pipeline.comparison_page import NAMES, PER_CENT, PLOTTED, captions, plots_of
 from pipeline.diagnosis import Diagnosis
 from pipeline.diagnosis_document import DOCUMENT, POWER
 from pipeline.diagnosis_page import FOLDER
@@ -22,7 +22,7 @@ HISTORY, PICTURE, LAST = "history.csv", f"{FOLDER}/history.png", "diagnosis_last
 FILES = (*diagnosis_page.FILES, LAST, HISTORY, PICTURE)
 CAPTIONS = {
     **diagnosis_page.CAPTIONS,
-    "history": "Error of every quantity by each version of the model, on the data that it was fitted to and on cuts "
+    "history": "Error of every quantity by each version of the model, on the data that it was fitted to and on those "
     "held out. What calibration alone mends is no merit of an effect: compare with the calibrated base model.",
     "lobes": "Boundary of stability and measured cuts, by the calibrated base model and by the final one.",
     "receptances": "Receptance of the tool tip, measured, by the calibrated base model, and by the final one.",
@@ -86,7 +86,7 @@ def write(found: Improvement, campaign: str, output: Path) -> list[Path]:
         history=page.embedded([output / PICTURE], CAPTIONS),
         steps=[step(*each) for each in zip(found.diagnoses, documents, strict=True)],
         plots=plots_of(shown),
-        captions=PLOTTED,
+        captions=captions(first.base.comparison.model.campaign),
         compared=page.embedded([path for path in compared if path.stem not in PLOTTED], CAPTIONS),
         first=page.embedded(of_the_first, CAPTIONS),
         calibration=diagnosis_document.parameters_of(last.base, set()),
@@ -110,7 +110,8 @@ def lead(found: Improvement) -> list[str]:
 def headline(table: pd.DataFrame) -> list[str]:
     """Return the error of the first quantity that was measured, by every version of the model, as a sentence."""
     for name, words in HEADS.items():
-        for kind, where in (("held_out", "on cuts held out"), ("in_sample", "on the data of the fit")):
+        held_out = "on limit depths held out" if name == "limit_depth" else "on cuts held out"
+        for kind, where in (("held_out", held_out), ("in_sample", "on the data of the fit")):
             if f"{name}_{kind}" in table:
                 steps = zip(table["effect"], table[f"{name}_{kind}"], strict=True)
                 known = [(effect, value) for effect, value in steps if np.isfinite(value)]

@@ -134,7 +134,7 @@ def test_errors_of_an_improvement_stand_with_their_units_and_what_is_not_known_i
     ]
     (outcome, frequency) = improvement_figure.history(table).axes
     assert outcome.get_ylabel() == "outcome, balanced [%]"
-    assert [line.get_label() for line in outcome.lines] == ["on the data of the fit", "on cuts held out"]
+    assert [line.get_label() for line in outcome.lines] == ["on the data of the fit", "on data held out"]
     # Drawn where it was told: never joined to what is not known.
     assert np.isnan(frequency.lines[0].get_ydata()[1])
 

@@ -90,6 +90,22 @@ def test_what_has_no_answer_is_counted_in_document_and_page(tmp_path, quick):
     assert "(1 data)" in page
 
 
+def test_a_page_of_limit_depths_alone_speaks_of_no_judged_cuts(tmp_path, quick):
+    (quick / "modes.csv").unlink()
+    (quick / "limits.csv").write_text(LIMITS + "9000,0.5,0.1\n10000,0.5,0.1\n11000,0.5,0.1\n")
+    assert main(["compare", f"campaign={quick}", f"output={tmp_path / 'out'}", SERIAL]) == 0
+    page = (tmp_path / "out" / "report.html").read_text()
+    for words in (
+        "Measured: 3 limit depths",
+        "Limit depths and the boundary of stability",
+        "Limit depths as they were measured, with their standard uncertainty.",
+        "Held out: the limit depths of each of 3 groups of speeds",
+        "Limit depths not met, of their logarithm: ",
+    ):
+        assert words in page
+    assert "Cuts as they were judged" not in page
+
+
 @every_verb
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_an_answer_is_not_written_over_that_of_another_campaign(tmp_path, capsys, quick, verb, document):

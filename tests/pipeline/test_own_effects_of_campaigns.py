@@ -63,7 +63,7 @@ def test_an_effect_of_ones_own_is_found_missing_and_predicts(tmp_path, capsys, c
     page = (output / "report.html").read_text()
     for words in (
         "Added to the model: loosening clamp.",
-        "Error of limit depths, on cuts held out: ",
+        "Error of limit depths, on limit depths held out: ",
         "2. With loosening clamp: ",
         "<h2>Before and after</h2>",
     ):
