@@ -19,7 +19,7 @@ from chatter_core.stages import Stages
 from chatter_core.tip import most_modes
 from pipeline import model_file
 from pipeline.configuration import EFFECTS_PATH, Words, compose_settings
-from pipeline.fitted_cuts import seen
+from pipeline.fitted_cuts import marks, seen
 from pipeline.settings import Cluster, Settings
 from pipeline.shipped import EFFECTS
 from pipeline.telling import remark
@@ -33,14 +33,15 @@ class Asked:
     """What a verb works on.
 
     name: of the campaign, as it is told; model: what is asked for; belief: what is known of its parameters before the
-    campaign; content: what it is made of; unseen: whether it was fitted to none of the campaign's cuts; cluster: where
-    to compute.
+    campaign; content: what it is made of; given: its file as it was named, None for machine.yaml as it stands; unseen:
+    whether it was fitted to none of the campaign's cuts; cluster: where to compute.
     """
 
     name: str
     model: CampaignModel
     belief: Belief
     content: model_file.Content
+    given: str | None
     unseen: bool
     cluster: Cluster
 
@@ -92,11 +93,12 @@ def read(options: CampaignOptions, words: Words) -> Asked:
     """
     campaign = read_campaign(options.campaign)
     settings = _settings_of(words, options.campaign / MACHINE_FILE)
-    known = ""
+    unseen = True
     if options.model is not None:
         found = model_file.read(options.model, campaign.machine, settings.effects_path)
         content = found.content(settings.effects_path)
-        known = seen(campaign, found.fitted_cuts)
+        known = seen(campaign, found.fitted_cuts, found.fitted_measurements)
+        unseen = frozenset(marks(campaign)).isdisjoint(found.fitted_cuts)
         if known and isinstance(options, JudgingOptions):
             campaign = replace(campaign, remarks=(*campaign.remarks, known))
     else:
@@ -112,7 +114,16 @@ def read(options: CampaignOptions, words: Words) -> Asked:
     for line in remarks(campaign):
         remark(line)
     name = printable(options.campaign.resolve().name)
-    return Asked(name=name, model=model, belief=belief, content=content, unseen=not known, cluster=settings.cluster)
+    given = None if options.model is None else printable(str(options.model))
+    return Asked(
+        name=name,
+        model=model,
+        belief=belief,
+        content=content,
+        given=given,
+        unseen=unseen,
+        cluster=settings.cluster,
+    )
 
 
 def _settings_of(words: Words, machine_file: Path) -> Settings:

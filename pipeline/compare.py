@@ -29,7 +29,7 @@ def _compare(workers: Workers | None, asked: Asked) -> Assessment:
 
 
 def _write(found: Assessment, asked: Asked, output: Path) -> list[Path]:
-    paths = comparison_page.write(found, asked.name, output)
+    paths = comparison_page.write(found, asked.name, asked.given, output)
     model_file.write(output / MODEL, asked.model.campaign, found.refitted.fit, asked.content)
     return [*paths, output / MODEL]
 
@@ -76,6 +76,6 @@ VERB = Verb(
     compute=_compare,
     write=_write,
     summary=comparison_page.summary,
-    facts=lambda found, campaign: {"comparison": comparison_document.document(found, campaign)},
+    facts=lambda found, asked: {"comparison": comparison_document.document(found, asked.name, asked.given)},
     lost=lambda found: found.refitted.compared.prediction.failed,
 )

@@ -25,21 +25,24 @@ STRONG_CORRELATION = 0.5
 PROBABILITIES = (0.0, 0.05, 0.25, 0.75, 0.95, 1.0)
 
 
-def write(found: Assessment, campaign: str, output: Path) -> list[Path]:
+def write(found: Assessment, campaign: str, given: str | None, output: Path) -> list[Path]:
     """Write comparison.json and, where there are trials, trials.csv; return the paths."""
     paths = [output / DOCUMENT]
-    paths[0].write_text(json.dumps(document(found, campaign), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    paths[0].write_text(
+        json.dumps(document(found, campaign, given), indent=1, allow_nan=False) + "\n", encoding="utf-8"
+    )
     if found.comparison.model.campaign.trials is not None:
         paths.append(output / TRIALS)
         trials_table(found).to_csv(paths[1], index=False, float_format="%.6g")
     return paths
 
 
-def document(found: Assessment, campaign: str) -> dict[str, Any]:
-    """Return everything as plain data; what is not known is null."""
+def document(found: Assessment, campaign: str, given: str | None) -> dict[str, Any]:
+    """Return everything as plain data; what is not known is null. given: the file of the model, None for none."""
     fit = found.refitted.fit
     return {
         "campaign": campaign,
+        "model": given,
         "measured": measured(found.comparison.model.campaign),
         "coverage_of_intervals": COVERAGE,
         "held_out_groups": found.held_out_groups,
@@ -115,6 +118,11 @@ def parameter_data(fit: Fit, name: str, limits: Limits) -> dict[str, Any]:
 def fit_data(fit: Fit) -> dict[str, Any]:
     """Return as plain data how a fit ended."""
     return {"converged": fit.converged, "reason": fit.reason}
+
+
+def origin(given: str | None) -> list[str]:
+    """Return in a sentence which file the model is from; none where it is the machine as described."""
+    return [] if given is None else [f"The model to begin with, as described, is that in {given}."]
 
 
 def cautions(fit: Fit, what: str) -> list[str]:

@@ -59,16 +59,16 @@ PER_CENT = ("outcome", "depth_margin", "limit_depth", "receptance", "natural_fre
             "bearing_stiffness")  # fmt: skip
 
 
-def write(found: Assessment, campaign: str, output: Path) -> list[Path]:
-    """Write data, figures and page of a comparison; return the paths."""
-    written, measured = comparison_document.write(found, campaign, output), found.comparison.model.campaign
+def write(found: Assessment, campaign: str, given: str | None, output: Path) -> list[Path]:
+    """Write data, figures and page of a comparison; return the paths. given: the file of the model, None for none."""
+    written, measured = comparison_document.write(found, campaign, given, output), found.comparison.model.campaign
     pictures = comparison_figures.write(found, output / comparison_figures.FOLDER)
     page.write(
         output / PAGE,
         "comparison.html",
         title=f"Model and measurements: {campaign}",
         subtitle=_measured(found),
-        headlines=headlines(found),
+        headlines=[*comparison_document.origin(given), *headlines(found)],
         columns=["quantity", "as described", "calibrated", "held out", "what it is"],
         rows=error_rows(found),
         failures=[

@@ -22,7 +22,7 @@ def _diagnose(workers: Workers | None, asked: Asked) -> Diagnosis:
 
 
 def _write(found: Diagnosis, asked: Asked, output: Path) -> list[Path]:
-    paths = diagnosis_page.write(found, asked.name, output)
+    paths = diagnosis_page.write(found, asked.name, asked.given, output)
     of_what = (asked.model.campaign, found.supported.fit, found.supported_content)
     model_file.write(output / MODEL, *of_what, remarks=found.stands_for)
     return [*paths, output / MODEL]
@@ -39,6 +39,6 @@ VERB = Verb(
     compute=_diagnose,
     write=_write,
     summary=diagnosis_page.summary,
-    facts=lambda found, campaign: {"diagnosis": diagnosis_document.document(found, campaign)},
+    facts=lambda found, asked: {"diagnosis": diagnosis_document.document(found, asked.name, asked.given)},
     lost=_lost,
 )

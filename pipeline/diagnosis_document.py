@@ -41,10 +41,11 @@ def write_power(found: Diagnosis, path: Path) -> Path:
     return path
 
 
-def document(found: Diagnosis, campaign: str) -> dict[str, Any]:
-    """Return everything as plain data; what is not known is null."""
+def document(found: Diagnosis, campaign: str, given: str | None) -> dict[str, Any]:
+    """Return everything as plain data; what is not known is null. given: the file of the model, None for none."""
     return {
         "campaign": campaign,
+        "model": given,
         "verdict": found.verdict.kind,
         "missing": list(found.verdict.missing),
         "text": found.verdict.text,

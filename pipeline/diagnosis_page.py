@@ -5,6 +5,7 @@ from pathlib import Path
 from chatter_core.evidence.ranking import NOTHING
 from pipeline import diagnosis_document, diagnosis_figures, page
 from pipeline.answer_folder import PAGE
+from pipeline.comparison_document import origin
 from pipeline.comparison_page import PLOTTED, captions, plots_of
 from pipeline.diagnosis import Diagnosis
 from pipeline.diagnosis_document import outcome_error
@@ -32,9 +33,9 @@ FILES = (
 TOLD = 5
 
 
-def write(found: Diagnosis, campaign: str, output: Path) -> list[Path]:
-    """Write data, figures and page of a diagnosis; return the paths."""
-    document = diagnosis_document.document(found, campaign)
+def write(found: Diagnosis, campaign: str, given: str | None, output: Path) -> list[Path]:
+    """Write data, figures and page of a diagnosis; return the paths. given: the file of the model, None for none."""
+    document = diagnosis_document.document(found, campaign, given)
     written = [
         diagnosis_document.write(document, output / diagnosis_document.DOCUMENT),
         diagnosis_document.write_power(found, output / diagnosis_document.POWER),
@@ -44,6 +45,7 @@ def write(found: Diagnosis, campaign: str, output: Path) -> list[Path]:
         output / PAGE,
         "diagnosis.html",
         title=f"What is missing: {campaign}",
+        origin=origin(given),
         document=document,
         rows=ranking_rows(found),
         not_tried=not_tried(found) if found.not_tried else "",

@@ -22,18 +22,18 @@ def summary(found: Improvement) -> str:
     return "\n".join([diagnosis_page.summary(found.diagnoses[0]), table, *found.stand_for])
 
 
-def facts(found: Improvement, campaign: str) -> dict[str, Any]:
+def facts(found: Improvement, asked: Asked) -> dict[str, Any]:
     """Return what scripts are told: what was added, in whose place too, the errors, and the last diagnosis."""
     return {
         "added": found.added,
         "stand_for": found.stand_for,
         "history": found.history.to_dict(orient="records"),
-        "diagnosis": diagnosis_document.document(found.diagnoses[-1], campaign),
+        "diagnosis": diagnosis_document.document(found.diagnoses[-1], asked.name, asked.given),
     }
 
 
 def _write(found: Improvement, asked: Asked, output: Path) -> list[Path]:
-    paths = improvement_page.write(found, asked.name, output)
+    paths = improvement_page.write(found, asked.name, asked.given, output)
     model_file.write(output / MODEL, asked.model.campaign, found.final.fit, found.content, remarks=found.stand_for)
     return [*paths, output / MODEL]
 

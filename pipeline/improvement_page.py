@@ -10,6 +10,7 @@ import pandas as pd
 from chatter_core.evidence.scores import ERRORS
 from pipeline import comparison_figures, diagnosis_document, diagnosis_figures, diagnosis_page, improvement_figure, page
 from pipeline.answer_folder import PAGE
+from pipeline.comparison_document import origin
 from pipeline.comparison_page import NAMES, PER_CENT, PLOTTED, captions, plots_of
 from pipeline.diagnosis import Diagnosis
 from pipeline.diagnosis_document import DOCUMENT, POWER
@@ -61,10 +62,10 @@ class Step:
     next_trial: str
 
 
-def write(found: Improvement, campaign: str, output: Path) -> list[Path]:
-    """Write history, diagnoses, figures and page of an improvement; return the paths."""
+def write(found: Improvement, campaign: str, given: str | None, output: Path) -> list[Path]:
+    """Write history, diagnoses, figures and page of an improvement; return the paths; given: file of the model."""
     first, last = found.diagnoses[0], found.diagnoses[-1]
-    documents = [diagnosis_document.document(one, campaign) for one in found.diagnoses]
+    documents = [diagnosis_document.document(one, campaign, given) for one in found.diagnoses]
     written = [
         diagnosis_document.write(documents[0], output / DOCUMENT),
         diagnosis_document.write_power(first, output / POWER),
@@ -80,7 +81,7 @@ def write(found: Improvement, campaign: str, output: Path) -> list[Path]:
         output / PAGE,
         "improvement.html",
         title=f"What was missing: {campaign}",
-        lead=lead(found),
+        lead=[*origin(given), *lead(found)],
         columns=error_columns(found.history),
         rows=error_rows(found.history),
         history=page.embedded([output / PICTURE], CAPTIONS),

@@ -42,7 +42,7 @@ class Verb(Generic[Found]):
 
     options: what it takes; files: all that its answers may consist of; check: raises InvalidInput where a
     campaign is not enough; compute: the answer; write: puts it into a folder and returns the paths; summary: for a
-    terminal; facts: for scripts, with the campaign's name in them; lost: how many data the answer's model has nothing
+    terminal; facts: for scripts; lost: how many data the answer's model has nothing
     to say of.
     """
 
@@ -52,7 +52,7 @@ class Verb(Generic[Found]):
     compute: Callable[[Workers | None, Asked], Found]
     write: Callable[[Found, Asked, Path], list[Path]]
     summary: Callable[[Found], str]
-    facts: Callable[[Found, str], dict[str, Any]]
+    facts: Callable[[Found, Asked], dict[str, Any]]
     lost: Callable[[Found], int]
 
 
@@ -74,8 +74,10 @@ def run(verb: Verb[Found], words: list[str]) -> int:
                 workers = None if client is None else Workers(client, asked.cluster.patience, NOT_KEPT)
                 found = verb.compute(workers, asked)
             written = _write(verb, found, asked, output)
+    for line in comparison_document.origin(asked.given):
+        say(line)
     say(verb.summary(found))
-    fact(campaign=asked.name, **verb.facts(found, asked.name))
+    fact(campaign=asked.name, **verb.facts(found, asked))
     wrote(written)
     lost = verb.lost(found)
     if lost:

@@ -18,7 +18,7 @@ from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.machine import Machine
 from chatter_core.reading import load_yaml, sentences, shown
-from pipeline.fitted_cuts import marks
+from pipeline.fitted_cuts import marks, other_marks
 from pipeline.settings import differing_keys, own_digests
 
 HEAD = """# A calibrated model: the machine that it belongs to, effects, and parameters as they were fitted.
@@ -76,6 +76,9 @@ class ModelFile(BaseModel):
     parameters: tuple[FittedParameter, ...] = Field(max_length=1000, description="fitted parameters")
     correlation: tuple[tuple[float, ...], ...] = Field(description="how they correlate, a row for each")
     fitted_cuts: tuple[str, ...] = Field(default=(), description="marks of the cuts that they were fitted to")
+    fitted_measurements: tuple[str, ...] = Field(
+        default=(), description="marks of the measurements without cutting that they were fitted to"
+    )
     machine: Machine = Field(description="the machine as described, that the parameters belong to")
 
     @model_validator(mode="after")
@@ -126,6 +129,7 @@ def write(path: Path, campaign: Campaign, fit: Fit, content: Content, remarks: S
         "parameters": parameters,
         "correlation": correlation,
         **({"fitted_cuts": cuts} if (cuts := marks(campaign)) else {}),
+        **({"fitted_measurements": others} if (others := other_marks(campaign)) else {}),
         "machine": campaign.machine.described(),
     }
     head = HEAD + "".join(f"# {remark}\n" for remark in remarks)

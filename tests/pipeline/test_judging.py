@@ -107,6 +107,26 @@ def test_a_page_of_limit_depths_alone_speaks_of_no_judged_cuts(tmp_path, quick):
 
 
 @every_verb
+def test_a_model_that_is_given_is_named_and_known_by_what_it_was_fitted_to(tmp_path, capsys, quick, verb):
+    fitted, output = tmp_path / "fitted", tmp_path / "out"
+    main(["compare", f"campaign={quick}", f"output={fitted}", SERIAL])
+    assert json.loads((fitted / "comparison.json").read_text())["model"] is None
+    assert "The model to begin with" not in (fitted / "report.html").read_text()
+    capsys.readouterr()
+    model = fitted / "model.yaml"
+    main([verb, f"campaign={quick}", f"model={model}", f"output={output}", SERIAL])
+    said = capsys.readouterr().out
+    again = "the model was fitted to all of these measurements without cutting already"
+    assert again in said
+    named = f"The model to begin with, as described, is that in {model}."
+    assert named in said
+    page = (output / "report.html").read_text()
+    assert named in page
+    assert (again in page) == (verb == "compare")
+    assert json.loads((output / MARKS[verb]).read_text())["model"] == str(model)
+
+
+@every_verb
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_an_answer_is_not_written_over_that_of_another_campaign(tmp_path, capsys, quick, verb, document):
     (tmp_path / document).write_text(json.dumps({"campaign": "r02"}))
