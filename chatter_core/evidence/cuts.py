@@ -159,12 +159,12 @@ def predict_cuts(
     See docs/physics.md#margin.
     """
     depth, growth = cuts.axial_depth[setup.points], _growth(stages, built, method)
-    reach = cuts.reach[setup.points]
     if near is None:
-        margin, crossing = margins(growth, setup.speed_index, np.log(depth), reach)
+        margin, crossing = margins(growth, setup.speed_index, np.log(depth), cuts.reach[setup.points])
     else:
-        known = (one[setup.points] for one in (near.margin, near.crossing, near.slope, near.left))
-        margin, crossing = followed_margins(growth, setup.speed_index, np.log(depth), *known, reach)
+        before = (near.margin, near.crossing, near.slope, near.left, cuts.reach)
+        known = (one[setup.points] for one in before)
+        margin, crossing = followed_margins(growth, setup.speed_index, np.log(depth), *known)
     found = CutPrediction(
         margin=margin,
         crossing=crossing,

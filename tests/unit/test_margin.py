@@ -75,7 +75,7 @@ def test_what_may_be_looked_for_farther_is_where_nothing_is_in_reach():
     margin, crossing = margins(growth, curve, place, reach)
     assert margin == pytest.approx([-2.0, -0.1, 1.5, -LIMIT_REACH, -REACH], abs=CROSSING_TOLERANCE)
     assert crossing == pytest.approx([2.0, 0.1, -1.5, np.nan, np.nan], abs=CROSSING_TOLERANCE, nan_ok=True)
-    moved = followed_margins(growth, curve, place, margin + 0.2, crossing - 0.2, np.ones(5), reach)
+    moved = followed_margins(growth, curve, place, margin + 0.2, crossing - 0.2, np.ones(5), np.zeros(5), reach)
     # Far ones that move far are looked for as far again.
     assert moved[0] == pytest.approx([-2.0, -0.1, 1.5, 0.2 - LIMIT_REACH, -REACH], abs=CROSSING_TOLERANCE)
     asked.clear()
