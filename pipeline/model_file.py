@@ -17,6 +17,7 @@ from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.machine import Machine
+from chatter_core.parameters import Parameter
 from chatter_core.reading import load_yaml, sentences, shown
 from pipeline.fitted_cuts import marks, other_marks
 from pipeline.settings import differing_keys, own_digests
@@ -115,7 +116,7 @@ def write(path: Path, campaign: Campaign, fit: Fit, content: Content, remarks: S
         {
             "name": fit.parameters[i].name,
             "unit": fit.parameters[i].unit,
-            "estimate": _rounded(fit.estimate[i], DIGITS),
+            "estimate": _written(fit.parameters[i], fit.estimate[i]),
             "standard_deviation": _rounded(fit.standard_deviation[i], DIGITS),
         }
         for i in kept
@@ -238,6 +239,11 @@ def _parameter_problems(found: ModelFile, model: CampaignModel) -> Iterator[str]
                 f"parameters: {own.name}: found the standard deviation {parameter.standard_deviation:g} {own.unit}, "
                 f"allowed 0 to {reach:g}"
             )
+
+
+def _written(parameter: Parameter, estimate: Any) -> float:
+    """Return an estimate as it is written; one that rounding would take beyond a bound is the bound with all digits."""
+    return float(np.clip(_rounded(estimate, DIGITS), parameter.lower, parameter.upper))
 
 
 def _rounded(value: Any, digits: int) -> float:
