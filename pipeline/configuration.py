@@ -24,6 +24,7 @@ from pipeline.keys import put
 from pipeline.settings import Settings, Study
 from pipeline.shipped import CONFIGS, EFFECTS, groups
 from pipeline.telling import command
+from pipeline.verbs.options import Options
 
 Composed = TypeVar("Composed", bound=Study)
 
@@ -59,10 +60,15 @@ class Words:
         return named and not any(key.startswith("grid.preload_n") for key in keys)
 
 
-def sort_words(words: list[str], options: Iterable[str]) -> Words:
+def words_for(kind: type[Options], words: list[str]) -> Words:
+    """Sort the words of a verb's command line, as ``sort_words`` does."""
+    return sort_words(words, kind.fields(), kind.instead)
+
+
+def sort_words(words: list[str], options: Iterable[str], instead: Mapping[str, str] = MappingProxyType({})) -> Words:
     """Sort the words of a command line; ``options`` are the verb's own keys.
 
-    Raises InvalidInput with every word that is not understood.
+    instead: what is to be said of keys that are none. Raises InvalidInput with every word that is not understood.
     """
     options, known, problems = list(options), groups(), []
     found: dict[str, str] = {}
@@ -85,7 +91,8 @@ def sort_words(words: list[str], options: Iterable[str]) -> Words:
         elif "." in key:
             values.append(word)
         else:
-            problems.append(f"{key}: unknown key; {_near_key(key, [*options, *known])}")
+            said = instead.get(key) or f"unknown key; {_near_key(key, [*options, *known])}"
+            problems.append(f"{key}: {said}")
     if problems:
         raise InvalidInput(problems)
     return Words(options=found, choices=choices, values=values, machine_file=machine_file)

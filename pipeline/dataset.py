@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from chatter_core.errors import InvalidInput
 from chatter_core.reading import load_value, load_yaml, sentences, shown
-from pipeline.configuration import compose_settings, sort_words
+from pipeline.configuration import compose_settings, words_for
 from pipeline.design import CUT_PARTS, DatasetSettings, Level, first_of_cuts, varied_of
 from pipeline.execution import execute_words
 from pipeline.keys import parts_of
@@ -30,7 +30,7 @@ class OwnWords(NamedTuple):
 def run(words: list[str]) -> int:
     """Compute a data set from the words of a command line; return the exit code."""
     own = own_words(words)
-    sorted_words = sort_words(own.others, DatasetOptions.fields())
+    sorted_words = words_for(DatasetOptions, own.others)
     options = DatasetOptions.read(sorted_words.options)
     changes = {} if own.design is None else {"design": load_yaml(own.design)}
     settings = compose_settings(

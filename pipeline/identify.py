@@ -21,7 +21,7 @@ from chatter_core.units import si_factor
 from pipeline import identify_figure
 from pipeline.answer_folder import refuse_other_file, write_text
 from pipeline.campaigns import remarks
-from pipeline.configuration import Words, compose_settings, sort_words
+from pipeline.configuration import Words, compose_settings, words_for
 from pipeline.errors import told_where
 from pipeline.locking import make_folder
 from pipeline.telling import fact, remark, say, wrote
@@ -37,7 +37,7 @@ DIGITS, DEVIATION_DIGITS = 6, 3
 
 def run(words: list[str]) -> int:
     """Identify the tip from measured receptances and write it as a machine; return the exit code."""
-    sorted_words = sort_words(words, IdentifyOptions.fields())
+    sorted_words = words_for(IdentifyOptions, words)
     options = IdentifyOptions.read(sorted_words.options)
     source = _source(options, sorted_words)
     _check_output(options, sorted_words)

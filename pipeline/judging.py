@@ -19,7 +19,7 @@ from pipeline import comparison_document, diagnosis_document, model_file
 from pipeline.answer_folder import refuse_foreign, refuse_unwritten, require_room, write_whole
 from pipeline.campaigns import Asked, options_of, read
 from pipeline.cluster import Workers, open_client
-from pipeline.configuration import sort_words
+from pipeline.configuration import words_for
 from pipeline.fitted_cuts import marks
 from pipeline.json_text import parsed
 from pipeline.locking import held_for_results
@@ -62,7 +62,7 @@ def run(verb: Verb[Found], words: list[str]) -> int:
     Raises InvalidInput for bad input and where the answer cannot be written, StoreInUse where another run holds
     its folder.
     """
-    sorted_words = sort_words(words, verb.options.fields())
+    sorted_words = words_for(verb.options, words)
     options = options_of(sorted_words, verb.options)
     with threadpool_limits(1):
         asked = read(options, sorted_words)

@@ -145,10 +145,7 @@ def read(path: Path, machine: Machine, own: Path | None = None) -> ModelFile:
     Raises InvalidInput when it cannot be read, names an effect that there is not or that was changed since, or belongs
     to another machine than the campaign's.
     """
-    try:
-        found = ModelFile.model_validate(load_yaml(path))
-    except ValidationError as error:
-        raise InvalidInput([f"{path}: {sentence}" for sentence in sentences(error, ModelFile)]) from None
+    found = _read(path)
     problems = [
         problem for name, settings in found.effects.items() for problem in _effect_problems(name, settings, own)
     ]
@@ -162,6 +159,19 @@ def read(path: Path, machine: Machine, own: Path | None = None) -> ModelFile:
             [f"{path}: belongs to another machine than the campaign's machine.yaml; they differ in {shown}"]
         )
     return found
+
+
+def _read(path: Path) -> ModelFile:
+    """Return what a file says of a model; raise InvalidInput where it says none."""
+    content = load_yaml(path)
+    if content and not {*content} & {*ModelFile.model_fields}:
+        keys = ", ".join(map(shown, [*content][:6]))
+        wanted = "needed: a model.yaml that compare, diagnose or improve wrote"
+        raise InvalidInput([f"{path}: is no calibrated model but has the keys {keys}; {wanted}"])
+    try:
+        return ModelFile.model_validate(content)
+    except ValidationError as error:
+        raise InvalidInput([f"{path}: {sentence}" for sentence in sentences(error, ModelFile)]) from None
 
 
 def cuts_in(path: Path) -> list[str]:

@@ -18,7 +18,7 @@ from chatter_core.units import SUFFIXES
 from chatter_core.variables import STRUCTURE
 from pipeline import execution, paper_figures, store
 from pipeline.answer_folder import write_text
-from pipeline.configuration import Words, compose_settings, sort_words
+from pipeline.configuration import Words, compose_settings, words_for
 from pipeline.findings import HIGH_SPEED, LOW_SPEED, Evidence, Finding, computing_time, findings
 from pipeline.locking import make_folder
 from pipeline.places import Folder, Place
@@ -53,7 +53,7 @@ FEWEST_SPEEDS = 10
 
 def run(words: list[str]) -> int:
     """Compute both studies of the paper, draw its figures and write what holds; return the exit code."""
-    sorted_words = sort_words(words, PaperOptions.fields())
+    sorted_words = words_for(PaperOptions, words)
     options = PaperOptions.read(sorted_words.options)
     problems = [
         f"{key}: not for paper, which has its own two studies; grid.spindle_speed_rpm and others may be changed"

@@ -16,7 +16,7 @@ from chatter_core.tip import AXES, most_modes
 from chatter_core.units import si_factor
 from chatter_core.variables import BIFURCATION, STATUS
 from pipeline.answer_folder import write_text
-from pipeline.configuration import compose_settings, modal_parameters_of, sort_words
+from pipeline.configuration import compose_settings, modal_parameters_of, words_for
 from pipeline.errors import told_where
 from pipeline.locking import make_folder
 from pipeline.telling import complain, fact, say, wrote
@@ -28,7 +28,7 @@ USUAL_MODES = 4
 
 def run(words: list[str]) -> int:
     """Answer one operating point; return the exit code."""
-    sorted_words = sort_words(words, PointOptions.fields())
+    sorted_words = words_for(PointOptions, words)
     options = PointOptions.read(sorted_words.options)
     if "base" in sorted_words.options:
         beside = [f"{key}={said}" for key, said in sorted_words.options.items() if key == "modal_parameters"]

@@ -5,17 +5,18 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
-from chatter_core.evidence.campaign import is_read, planned_trials
+from chatter_core.evidence.campaign import is_read, planned_trials, unused_preloads
 from chatter_core.evidence.measured import DIRECTIONS, PLANNED, Trials
 from chatter_core.evidence.planned import PlannedCuts, planned_campaign, predict_planned
+from chatter_core.reading import printable
 from chatter_core.units import si_factor
 from chatter_core.variables import STATUS
 from pipeline.answer_folder import refuse_other_file, write_text
 from pipeline.campaigns import model_of, options_of, read
-from pipeline.configuration import sort_words
+from pipeline.configuration import words_for
 from pipeline.errors import told_where
 from pipeline.locking import make_folder
-from pipeline.telling import complain, fact, say, wrote
+from pipeline.telling import complain, fact, remark, say, wrote
 from pipeline.verbs.campaigns import PredictOptions
 
 #: Columns that are written beside those of the table.
@@ -30,7 +31,7 @@ PREDICTED = (
 
 def run(words: list[str]) -> int:
     """Predict planned cuts and write them; return the exit code."""
-    sorted_words = sort_words(words, PredictOptions.fields())
+    sorted_words = words_for(PredictOptions, words)
     options = options_of(sorted_words, PredictOptions)
     _refuse_loss(options)
     with threadpool_limits(1):
@@ -38,6 +39,8 @@ def run(words: list[str]) -> int:
         campaign = asked.model.campaign
         trials, order = planned_trials(options.trials, campaign.machine)
         _refuse_columns(trials, options)
+        for line in unused_preloads(printable(options.trials.name), trials.preload, campaign.machine):
+            remark(f"remark: {line}")
         model = model_of(planned_campaign(campaign, trials), asked.content)
         found = predict_planned(model, asked.belief)
     make_folder(options.predictions.parent, "predictions")

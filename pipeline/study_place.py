@@ -5,7 +5,7 @@ from typing import TypeVar
 
 from chatter_core.errors import InvalidInput
 from chatter_core.reading import near_path
-from pipeline.configuration import Words, sort_words
+from pipeline.configuration import Words, words_for
 from pipeline.places import STORES, Folder, Place, place_of
 from pipeline.places.folder import UNPACKED
 from pipeline.telling import program
@@ -19,7 +19,7 @@ def study_place(words: list[str], kind: type[Asked]) -> tuple[Place, Asked]:
 
     Raises InvalidInput for words of another kind, and where the place holds no study.
     """
-    found = sort_words(words, kind.fields())
+    found = words_for(kind, words)
     problems = foreign_words(found, kind)
     if not {"output", "store"} & set(found.options):
         problems.append("output: missing; needed: the folder of a study, or store=s3://BUCKET/PREFIX")

@@ -1,19 +1,17 @@
 """The main job: a grid of operating points into a store."""
 
-from pipeline.configuration import compose_settings, modal_parameters_of, sort_words
+from pipeline.configuration import compose_settings, modal_parameters_of, words_for
 from pipeline.execution import execute_words
 from pipeline.places import LOBES
 from pipeline.verbs.studies import SweepOptions
 
-#: Words of a sweep beside those of its study.
-OPTIONS = tuple(SweepOptions.fields())
 #: The key that says what a base model says, too.
 PARAMETERS = "grid.modal_parameters"
 
 
 def run(words: list[str]) -> int:
     """Run a sweep from the words of a command line; return the exit code."""
-    sorted_words = sort_words(words, OPTIONS)
+    sorted_words = words_for(SweepOptions, words)
     options = SweepOptions.read(sorted_words.options)
     if "base" in sorted_words.options:
         beside = [word for word in sorted_words.values if word.startswith(PARAMETERS)]

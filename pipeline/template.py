@@ -17,7 +17,7 @@ from chatter_core.evidence.measured import TABLES
 from chatter_core.machine import Machine
 from chatter_core.reading import inner_model
 from pipeline.answer_folder import write_whole
-from pipeline.configuration import compose_settings, sort_words
+from pipeline.configuration import compose_settings, sort_words, words_for
 from pipeline.errors import told_where
 from pipeline.locking import make_folder
 from pipeline.telling import program, wrote
@@ -61,7 +61,7 @@ A stable trial has no chatter frequency: one that is noted there is not used.
 
 def run(words: list[str]) -> int:
     """Write an empty campaign into a new folder; return the exit code."""
-    sorted_words = sort_words(words, TemplateOptions.fields())
+    sorted_words = words_for(TemplateOptions, words)
     if sorted_words.of_machine:
         raise InvalidInput(
             [f"{word}: not for template, which takes output=DIR alone" for word in sorted_words.of_machine]

@@ -9,11 +9,11 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.scale.study import CHUNKED
 from pipeline import metadata, store
-from pipeline.configuration import compose_settings, sort_words
+from pipeline.configuration import compose_settings, words_for
 from pipeline.kinds import KERNEL
 from pipeline.places import LOBES, Folder
-from pipeline.sweep import OPTIONS
 from pipeline.task import Task, compute_chunk, compute_first
+from pipeline.verbs.studies import SweepOptions
 
 #: Cells of a chunk that are tried: those of a small study and ten times as many; depths of a speed.
 SIZES, DEPTHS = (1500, 15000), 100
@@ -41,7 +41,7 @@ def _row(folder: Path, cells: int, which: str) -> dict[str, Any]:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     place = Folder(folder)
-    store.create(place, compose_settings(sort_words(words, OPTIONS)), [])
+    store.create(place, compose_settings(words_for(SweepOptions, words)), [])
     task = Task(
         place=place, chunk=store.chunks(store.open_group(place))[0], kernel=KERNEL, made=metadata.identity(place)
     )

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from chatter_core.variables import SWEEP
-from pipeline.configuration import compose_settings, sort_words
+from pipeline.configuration import compose_settings, words_for
 from pipeline.settings import Settings
-from pipeline.sweep import OPTIONS
+from pipeline.verbs.studies import SweepOptions
 
 #: Variables that are written chunk by chunk.
 CHUNKED = (*SWEEP, "status")
@@ -31,7 +31,7 @@ def study(chunks: int, cluster: str = "local") -> Settings:
         f"cluster.cells_per_task={DEPTHS}",
         f"cluster={cluster}",
     ]
-    return compose_settings(sort_words(words, OPTIONS))
+    return compose_settings(words_for(SweepOptions, words))
 
 
 def folder_of(root: Path, chunks: int) -> Path:

@@ -370,9 +370,15 @@ def _oddities(rows: dict[str, Rows], receptances: list[Receptance], machine: Mac
                 f"{STABILITY.file}: {len(noted)} stable trials name a chatter frequency, line {noted[0]} the first; "
                 "it is not used"
             )
-        if machine.spindle is None and not np.isnan(trials.columns["preload"]).all():
-            remarks.append(f"{STABILITY.file}: preload_n is not used, the machine's measured tip modes know no preload")
+        remarks += unused_preloads(STABILITY.file, trials.columns["preload"], machine)
     return remarks
+
+
+def unused_preloads(file: str, preload: Array, machine: Machine) -> list[str]:
+    """Return what is to be told of preloads [N] that cuts of a file state (trial,), where the machine knows none."""
+    if machine.spindle is not None or np.isnan(preload).all():
+        return []
+    return [f"{file}: preload_n is not used, the machine's measured tip modes know no preload"]
 
 
 def _odd_receptance(receptance: Receptance) -> list[str]:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from chatter_core.errors import InvalidInput
 from pipeline.answer_folder import PAGE, refuse_foreign, refuse_unwritten, write_whole
-from pipeline.configuration import sort_words
+from pipeline.configuration import words_for
 from pipeline.contrast import figures, findings, page, tables
 from pipeline.contrast.contrasted import Contrast, contrast
 from pipeline.contrast.lines import STUDIES, read
@@ -22,7 +22,7 @@ MARK = f"{FIGURES}/{figures.NAME}"
 
 def run(words: list[str]) -> int:
     """Hold two studies against each other; return the exit code."""
-    found = sort_words(words, ContrastOptions.fields())
+    found = words_for(ContrastOptions, words)
     problems = foreign_words(found, ContrastOptions)
     try:
         options = ContrastOptions.read(found.options)

@@ -1,6 +1,8 @@
 """Verbs of a measurement campaign: lay one out, read modes from it, judge a model by it, predict with a model."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, ClassVar
 
 from pydantic import Field
@@ -72,6 +74,9 @@ class PredictOptions(CampaignOptions):
         "predict campaign=my_campaign trials=plan.csv predictions=out.csv quiet=true",
     )
     groups: ClassVar[tuple[str, ...]] = ()
+    instead: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {"output": "not for predict, which writes one table and no folder; name it by predictions=FILE.csv"}
+    )
 
     trials: CsvPath = Field(description="table of planned cuts: as stability.csv, but not judged")
     predictions: CsvPath = Field(description="table to write")

@@ -5,6 +5,7 @@ import inspect
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator
@@ -43,13 +44,15 @@ MACHINE = ("machine", "bearing", "spindle", "tool", "cutting", "process")
 class Options(BaseModel):
     """Options of a verb; its docstring says what the verb does.
 
-    examples: words after the program's name; groups: those of configs whose choices and keys the verb takes.
+    examples: words after the program's name; groups: those of configs whose choices and keys the verb takes; instead:
+    of keys that other verbs have and this one has not, what is to be said of them.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     examples: ClassVar[tuple[str, ...]] = ()
     groups: ClassVar[tuple[str, ...]] = ()
+    instead: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     format: Literal["text", "json"] = Field(
         default="text", description="json: standard output holds one JSON object alone"

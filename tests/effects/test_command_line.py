@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.__main__ import main
-from pipeline.configuration import compose_settings, sort_words
-from pipeline.sweep import OPTIONS
+from pipeline.configuration import compose_settings, words_for
+from pipeline.verbs.studies import SweepOptions
 from tests.pipeline.studies import WORDS
 
 POINT = ["point", "spindle_speed_rpm=3000", "axial_depth_mm=2", "modes=2", "format=json"]
@@ -101,7 +101,7 @@ def test_a_machine_without_bearings_is_told_so(capsys, tmp_path: Path):
 
 def test_a_study_with_effects_is_another_study():
     def settings(*words: str):
-        return compose_settings(sort_words([*WORDS, *words], OPTIONS))
+        return compose_settings(words_for(SweepOptions, [*WORDS, *words]))
 
     plain, damped = settings(), settings("effects=[process_damping]")
     assert "effects" not in plain.scientific()

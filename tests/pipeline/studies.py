@@ -15,11 +15,11 @@ from typing import Any
 
 import xarray as xr
 
-from pipeline.configuration import compose_settings, sort_words
+from pipeline.configuration import compose_settings, words_for
 from pipeline.execution import execute
 from pipeline.places import Folder, place_of
 from pipeline.settings import Settings
-from pipeline.sweep import OPTIONS
+from pipeline.verbs.studies import SweepOptions
 
 ROOT = Path(__file__).parents[2]
 #: 2 preloads x 2 numbers of modes x 3 blocks of two speeds x 4 depths.
@@ -45,7 +45,7 @@ def study(*words: str) -> Settings:
     """Return the settings of the small study, changed by words (a word replaces one of the same key)."""
     keys = {word.partition("=")[0] for word in words}
     kept = [word for word in WORDS if word.partition("=")[0] not in keys]
-    return compose_settings(sort_words([*kept, *words], OPTIONS))
+    return compose_settings(words_for(SweepOptions, [*kept, *words]))
 
 
 def sweep(output: Path, *words: str, kernel: str = "plain", retry_failed: bool = False) -> int:
@@ -55,7 +55,7 @@ def sweep(output: Path, *words: str, kernel: str = "plain", retry_failed: bool =
 
 def run(words: list[str], kernel: str = "plain") -> int:
     """Run the small study in this process where words of a command line say."""
-    place = place_of(sort_words(words, OPTIONS).options)
+    place = place_of(words_for(SweepOptions, words).options)
     return execute(study(*words), place, argv=words, kernel=f"tests.pipeline.standins:{kernel}")
 
 

@@ -224,7 +224,27 @@ def test_bad_input_is_told_and_leaves_nothing_behind(tmp_path, capsys):
     assert "line 2, column spindle_speed_rpm" in refused(
         capsys, "predict", campaign, f"trials={wrong}", "predictions=x.csv"
     )
+    assert "output: not for predict" in refused(capsys, "predict", campaign, f"trials={file}", output)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("verb", ["predict", "compare"])
+def test_a_machine_in_the_place_of_a_model_gets_one_sentence(tmp_path, capsys, verb):
+    rest = [f"trials={plan(tmp_path, [[1, 3600, 1.0]])}", "predictions=x.csv"] if verb == "predict" else []
+    machine = CAMPAIGNS / "r02" / "machine.yaml"
+    said = refused(capsys, verb, f"campaign={CAMPAIGNS / 'r02'}", f"model={machine}", *rest)
+    assert said == (
+        f"error: {machine}: is no calibrated model but has the keys 'tip', 'tool', 'cutting', 'process'; needed: a "
+        "model.yaml that compare, diagnose or improve wrote\n"
+    )
+
+
+def test_preloads_of_a_plan_for_a_machine_that_knows_none_are_told(tmp_path, capsys):
+    head = ("trial", "spindle_speed_rpm", "axial_depth_mm", "preload_n")
+    for preload, told in ((100, True), ("", False)):
+        predicted(CAMPAIGNS / "r02", plan(tmp_path, [[1, 3600, 1.0, preload]], head), tmp_path / "out.csv")
+        said = "remark: plan.csv: preload_n is not used, the machine's measured tip modes know no preload\n"
+        assert (said in capsys.readouterr().out) is told
 
 
 def test_predictions_are_not_written_over_what_was_read(tmp_path, capsys, down_milling):

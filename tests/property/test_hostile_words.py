@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.__main__ import VERBS, main
-from pipeline.configuration import compose_settings, groups, sort_words
-from pipeline.sweep import OPTIONS
+from pipeline.configuration import compose_settings, groups, words_for
+from pipeline.verbs.studies import SweepOptions
 from tests.property.hostile import EXAMPLES, PIECES, assert_read_or_told, every_example, problems_of
 
 #: What composing and checking a study takes, axes of a million values included [bytes].
@@ -34,7 +34,7 @@ def keys(data: Any, prefix: str = "") -> Iterator[str]:
 
 
 def known_keys() -> list[str]:
-    found = compose_settings(sort_words(["study=smoke", "effects=[process_damping]"], OPTIONS))
+    found = compose_settings(words_for(SweepOptions, ["study=smoke", "effects=[process_damping]"]))
     data = {**found.machine.described(), **found.model_dump(mode="json", exclude={"machine"})}
     return sorted({key for key in keys(data) if "." in key} | {"spindle.sections[9].length_mm", "tip.modes[0].axis"})
 
@@ -45,7 +45,9 @@ def words() -> st.SearchStrategy[list[str]]:
         st.sampled_from(VALUES), st.sampled_from([piece.decode("latin-1") for piece in PIECES]), st.text(max_size=5)
     )
     names = st.one_of(
-        st.sampled_from(known_keys()), st.sampled_from([*groups(), *OPTIONS, "machine"]), st.text(max_size=8)
+        st.sampled_from(known_keys()),
+        st.sampled_from([*groups(), *SweepOptions.fields(), "machine"]),
+        st.text(max_size=8),
     )
     choices = st.sampled_from([f"{group}={name}" for group, all_of in groups().items() for name in all_of])
     one = st.one_of(st.builds("{}={}".format, names, values), choices, st.text(max_size=8))
@@ -56,14 +58,14 @@ def words() -> st.SearchStrategy[list[str]]:
 @settings(every_example, max_examples=max(1, EXAMPLES // 5))
 @given(words())
 def test_settings_or_sentences_come_of_any_words(found):
-    assert_read_or_told(lambda: compose_settings(sort_words(["study=smoke", *found], OPTIONS)), 0, SETTINGS_BYTES)
+    assert_read_or_told(lambda: compose_settings(words_for(SweepOptions, ["study=smoke", *found])), 0, SETTINGS_BYTES)
 
 
 @settings(every_example, max_examples=max(1, EXAMPLES // 5))
 @given(verb=st.sampled_from([*VERBS, "nonsense"]), found=words())
 def test_any_verb_tells_words_that_it_does_not_take_and_ends_with_two(capsys, verb, found):
     # Of a verb that takes a campaign there is none, so nothing is computed; sweeps and points are where words are good.
-    if verb in ("sweep", "point", "paper", "template") and not problems_of(lambda: sort_words(found, OPTIONS)):
+    if verb in ("sweep", "point", "paper", "template") and not problems_of(lambda: words_for(SweepOptions, found)):
         return
     capsys.readouterr()
     assert main([verb, *found, "nonsense"]) == 2
