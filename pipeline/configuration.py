@@ -30,6 +30,8 @@ Composed = TypeVar("Composed", bound=Study)
 
 #: Parts of a machine, each a key at the root of the config and in a machine.yaml.
 MACHINE_KEYS = ("bearing", "spindle", "tip", "tool", "cutting", "process")
+#: Those of a machine that is built from its drawing; measured tip modes stand in their place.
+BUILT_KEYS = ("bearing", "spindle")
 #: Parts of the config that one kind of study has alone, and the verb that computes it.
 PARTS_OF_KINDS = {"grid": "sweep", "design": "dataset"}
 #: Option that names a folder with effects of the user's own. No yaml can: what it names is run.
@@ -269,11 +271,19 @@ def _compose(words: Words) -> dict[str, Any]:
     return {str(key): value for key, value in data.items()}
 
 
+def _has_measured_tip_alone(data: dict[str, Any]) -> bool:
+    return data.get("tip") is not None and all(data.get(key) is None for key in BUILT_KEYS)
+
+
 def _with_values(data: dict[str, Any], values: list[str]) -> dict[str, Any]:
     """Return the data with ``key=value`` words put in; whether a key exists is for validation to say."""
     changed, problems = deepcopy(data), []
     for word in values:
         key, _, text = word.partition("=")
+        if key.partition(".")[0] in BUILT_KEYS and _has_measured_tip_alone(data):
+            modes = "a machine of measured tip modes, which has no bearing and spindle"
+            problems.append(f"{key}: has no meaning for {modes}")
+            continue
         try:
             put(changed, key, load_value(text))
         except ValueError as error:

@@ -68,6 +68,14 @@ def test_measured_tip_modes_have_one_preload_of_zero_and_refuse_others(tip_file:
     assert problem.startswith("grid.preload_n: not allowed for a machine of measured tip modes")
 
 
+def test_words_of_bearing_and_spindle_are_refused_by_name_beside_measured_tip_modes(tip_file: str) -> None:
+    words = ("spindle.preload_n", "bearing.ball_count", "spindle.sections[0].length_mm")
+    assert problems("study=smoke", f"machine={tip_file}", *(f"{word}=12" for word in words)) == [
+        f"{word}: has no meaning for a machine of measured tip modes, which has no bearing and spindle"
+        for word in words
+    ]
+
+
 @pytest.mark.parametrize(
     ("word", "values"),
     [
