@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from pipeline.verbs.options import MACHINE, BaseOptions, CsvPath, DirectoryPath, Options, YamlPath
 
@@ -100,6 +100,15 @@ class IdentifyOptions(Options):
     lowest_frequency_hz: float = Field(default=0.0, ge=0, le=1e6, description="lines below are left out")
     highest_frequency_hz: float = Field(default=1e6, gt=0, le=1e6, description="lines above are left out")
     output: YamlPath = Field(default=Path("results/identify/machine_tip.yaml"), description="machine file to write")
+
+    @model_validator(mode="after")
+    def _is_a_band(self) -> Self:
+        if self.lowest_frequency_hz >= self.highest_frequency_hz:
+            raise ValueError(
+                f"lowest_frequency_hz: found {self.lowest_frequency_hz:g}, allowed: less than highest_frequency_hz, "
+                f"which is {self.highest_frequency_hz:g}"
+            )
+        return self
 
 
 class TemplateOptions(Options):

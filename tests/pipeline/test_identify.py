@@ -115,6 +115,11 @@ def test_bad_rows_get_one_message_and_exit_code_two(tmp_path, capsys, change, sa
         ),
         pytest.param(["frf={frf}", "output=m.txt"], "allowed: a file name ending in .yaml", id="output"),
         pytest.param(["frf={frf}", "lowest_frequency_hz=2500"], "no resonance from 2500 Hz to 3000 Hz", id="band"),
+        pytest.param(
+            ["frf={frf}", "lowest_frequency_hz=2500", "highest_frequency_hz=900"],
+            "error: lowest_frequency_hz: found 2500, allowed: less than highest_frequency_hz, which is 900\n",
+            id="no band",
+        ),
         pytest.param(["frf={frf}", "machine=no.yaml"], "no.yaml: no such file", id="no machine"),
         pytest.param(["frf={frf}", "mode=2"], "mode: unknown key; did you mean modes?", id="key"),
         pytest.param(["frf=."], "error: .: is no file", id="folder"),
