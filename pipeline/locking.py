@@ -4,10 +4,11 @@ import errno
 import json
 import os
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from filelock import FileLock, Timeout
 
@@ -65,6 +66,23 @@ def locked(output: Path) -> Iterator[None]:
             holder.unlink(missing_ok=True)
     finally:
         lock.release()
+
+
+def process_is_gone(said: Mapping[str, Any]) -> bool:
+    """Return whether what a holder says of itself is of this host, and its process has ended.
+
+    Of other hosts nothing is known, and where another process has got its number it counts as going on.
+    """
+    if said.get("host") != socket.gethostname():
+        return False
+    try:
+        os.kill(int(said["pid"]), 0)
+    except ProcessLookupError:
+        return True
+    except (OSError, ValueError, KeyError, TypeError, OverflowError):
+        # It is of another user, or not as a run has written it.
+        return False
+    return False
 
 
 def _refuse_foreign(holder: Path) -> None:

@@ -8,7 +8,9 @@ import numpy as np
 
 from chatter_core.variables import FAILED, STATUS
 from pipeline import store, survey
-from pipeline.places import Place
+from pipeline.json_text import parsed
+from pipeline.locking import process_is_gone
+from pipeline.places import LOCK, Place
 from pipeline.study_place import study_place
 from pipeline.telling import fact, say
 from pipeline.verbs.stores import StatusOptions
@@ -27,7 +29,7 @@ class Progress:
 
     study: its name; cells: by status; chunks: how many there are, and chunks_written: how many of them are there;
     written: when each of their files was, ascending [s since 1970]; packed: whether those hold many chunks each; now:
-    when this was seen.
+    when this was seen; held: whether a run may be at work, as far as is known.
     """
 
     study: str
@@ -37,6 +39,7 @@ class Progress:
     written: np.ndarray
     packed: bool
     now: float
+    held: bool
 
     @property
     def done(self) -> int:
@@ -70,7 +73,8 @@ class Progress:
         if not len(self.written):
             return "empty"
         usual = 1.0 / self.rate if self.rate else 0.0
-        return "computing" if self.now - self.written[-1] < max(PATIENCE, SILENT * usual) else "interrupted"
+        heard = self.now - self.written[-1] < max(PATIENCE, SILENT * usual)
+        return "computing" if self.held and heard else "interrupted"
 
     @property
     def seconds_left(self) -> float | None:
@@ -102,7 +106,19 @@ def progress(place: Place) -> Progress:
         written=store.written_at(place),
         packed=store.is_packed(group),
         now=time.time(),
+        held=_may_be_held(place),
     )
+
+
+def _may_be_held(place: Place) -> bool:
+    """Return whether a run may hold a place: surely none does that has given it back, or whose process has ended."""
+    try:
+        said = dict(parsed(place.read(LOCK)))
+    except FileNotFoundError:
+        return False
+    except (OSError, ValueError, TypeError):
+        return True
+    return "released" not in said and not process_is_gone(said)
 
 
 def document(found: Progress) -> dict[str, Any]:

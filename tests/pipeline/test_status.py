@@ -2,6 +2,9 @@
 
 import json
 import os
+import socket
+import subprocess
+import time
 
 import numpy as np
 import pytest
@@ -10,7 +13,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS
 from pipeline import status, store
 from pipeline.__main__ import main
-from pipeline.places import Folder
+from pipeline.places import LOCK, Folder
 from tests.pipeline.studies import CELLS, CHUNKS, sweep
 
 
@@ -33,6 +36,12 @@ def written(folder, seconds):
         os.utime(path, (when, when))
 
 
+def held(folder, **said):
+    """Pretend that a run on another host holds the folder, unless something else is said."""
+    holder = {"pid": 1, "host": "elsewhere.invalid", "since": "2026-01-01T00:00:00+00:00", **said}
+    (folder / LOCK).write_text(json.dumps(holder))
+
+
 def test_a_whole_study_is_complete(tmp_path, capsys):
     sweep(tmp_path)
     found = status.progress(Folder(tmp_path))
@@ -46,6 +55,7 @@ def test_rate_and_time_left_are_those_of_the_last_chunks(tmp_path, monkeypatch):
     sweep(tmp_path)
     # One an age ago, before an interruption, then one in 5 s: the age says nothing of the rate.
     written(tmp_path, [1e9, *(1e9 + 9e4 + 5.0 * np.arange(4))])
+    held(tmp_path)
     monkeypatch.setattr("time.time", lambda: 1e9 + 9e4 + 21.0)
     found = status.progress(Folder(tmp_path))
     assert found.rate == pytest.approx(0.2)
@@ -60,10 +70,30 @@ def test_rate_and_time_left_are_those_of_the_last_chunks(tmp_path, monkeypatch):
 def test_silence_is_an_interruption(tmp_path, monkeypatch):
     sweep(tmp_path)
     written(tmp_path, 1e9 + 5.0 * np.arange(4))
+    held(tmp_path)
     monkeypatch.setattr("time.time", lambda: 1e9 + 15.0 + 119.0)
     assert status.progress(Folder(tmp_path)).state == "interrupted"
     monkeypatch.setattr("time.time", lambda: 1e9 + 15.0 + 99.0)
     assert status.progress(Folder(tmp_path)).state == "computing"
+
+
+def test_a_run_that_has_ended_on_this_host_is_known_at_once(tmp_path):
+    sweep(tmp_path)
+    written(tmp_path, time.time() - np.arange(4.0)[::-1])
+    place, here = Folder(tmp_path), socket.gethostname()
+    # Given back in order.
+    assert status.progress(place).state == "interrupted"
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    held(tmp_path, pid=ended.pid, host=here)
+    assert status.progress(place).state == "interrupted"
+    held(tmp_path, pid=os.getpid(), host=here)
+    assert status.progress(place).state == "computing"
+    # The same number on another host is another process.
+    held(tmp_path, pid=ended.pid)
+    assert status.progress(place).state == "computing"
+    (tmp_path / LOCK).write_text("half a li")
+    assert status.progress(place).state == "computing"
 
 
 def test_before_the_first_chunk_nothing_is_known(tmp_path):
