@@ -9,6 +9,7 @@ SUFFIXES: dict[str, tuple[float, str]] = {
     "kg": (1.0, "kg"),
     "gpa": (1e9, "GPa"),
     "mpa": (1e6, "MPa"),
+    "rad": (1.0, "rad"),
     "deg": (math.pi / 180.0, "degree"),
     "rpm": (2.0 * math.pi / 60.0, "rpm"),
     "hz": (2.0 * math.pi, "Hz"),

@@ -40,16 +40,18 @@ MODAL_PARAMETERS = ("dynamic", "static")
 
 @dataclass(frozen=True, kw_only=True)
 class Variable:
-    """A named result. ``suffix`` is the unit suffix of the border ("" for pure numbers)."""
+    """A named result. ``suffix`` is the unit suffix of the border ("" for pure numbers, None where entries differ)."""
 
     dims: tuple[str, ...]
     dtype: str
-    suffix: str = ""
+    suffix: str | None = ""
     doc: str
 
     @property
-    def unit(self) -> str:
-        """Unit as CF metadata writes it."""
+    def unit(self) -> str | None:
+        """Unit as CF metadata writes it, None where entries differ: then there is none that holds for all."""
+        if self.suffix is None:
+            return None
         return SUFFIXES[self.suffix][1] if self.suffix else "1"
 
     @property
@@ -74,7 +76,9 @@ SWEEP: dict[str, Variable] = {
         dtype="f8",
         doc="largest modulus of the Floquet multipliers, per tooth period; to the tolerance near one",
     ),
-    "multiplier_angle": Variable(dims=_CELL, dtype="f8", doc="argument of the critical Floquet multiplier in radian"),
+    "multiplier_angle": Variable(
+        dims=_CELL, dtype="f8", suffix="rad", doc="argument of the critical Floquet multiplier"
+    ),
     "chatter_frequency": Variable(
         dims=_CELL, dtype="f8", suffix="hz", doc="strongest line of the critical multiplier's branch at the tool tip"
     ),
@@ -157,6 +161,7 @@ DATASET_INPUTS: dict[str, Variable] = {
     "input": Variable(
         dims=("machine", "cut", "input_key"),
         dtype="f8",
+        suffix=None,
         doc="what varies, in its key's unit; words by their place",
     ),
     "split": Variable(dims=("machine",), dtype="i1", doc="0 train, 1 validation, 2 test; all cuts of a machine alike"),

@@ -45,7 +45,7 @@ def _told(data: xr.Dataset, counts: Mapping[str, int]) -> dict[str, Any]:
         "last_speed": f"{speed[-1]:g}",
         "deepest": f"{design.deepest:g}",
         "variables": [
-            {"name": name, "dims": ", ".join(one.dims), "unit": one.unit, "meaning": one.doc}
+            {"name": name, "dims": ", ".join(one.dims), "unit": one.unit or "of its key", "meaning": one.doc}
             for name, one in {**DATASET_INPUTS, **DATASET, "status": CUT_STATUS}.items()
         ],
         "counts": {name: count for name, count in counts.items() if count},

@@ -105,7 +105,7 @@ def _shape(variable: Variable, values: dict[str, np.ndarray]) -> tuple[int, ...]
 def _variable(
     group: zarr.Group, name: str, variable: Variable, shape: tuple[int, ...], chunks: tuple[int, ...]
 ) -> zarr.Array[Any]:
-    attributes = {"long_name": variable.doc, "units": variable.unit}
+    attributes = {"long_name": variable.doc, **({} if variable.unit is None else {"units": variable.unit})}
     return _array(group, name, variable.dims, shape, chunks, np.dtype(variable.dtype), attributes)
 
 

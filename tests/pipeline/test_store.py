@@ -50,8 +50,9 @@ def test_coordinates_are_in_the_users_units(template: Path) -> None:
         assert opened["axial_depth"].values.tolist() == [0.5, 1.0, 1.5, 2.0]
         assert opened["preload"].values.tolist() == [100.0, 200.0]
         assert [str(name) for name in opened["modal_parameters"].values] == ["dynamic"]
-        units = {name: opened[name].attrs["units"] for name in ("spindle_speed", "axial_depth", "preload")}
-    assert units == {"spindle_speed": "rpm", "axial_depth": "mm", "preload": "N"}
+        names = ("spindle_speed", "axial_depth", "preload", "multiplier_angle")
+        units = {name: opened[name].attrs["units"] for name in names}
+    assert units == {"spindle_speed": "rpm", "axial_depth": "mm", "preload": "N", "multiplier_angle": "rad"}
 
 
 def test_a_fresh_template_is_pending_everywhere_and_holds_the_structure(template: Path) -> None:
