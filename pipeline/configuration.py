@@ -36,18 +36,24 @@ BUILT_KEYS = ("bearing", "spindle")
 PARTS_OF_KINDS = {"grid": "sweep", "design": "dataset"}
 #: Option that names a folder with effects of the user's own. No yaml can: what it names is run.
 EFFECTS_PATH = "effects_path"
+#: Parts of the settings that have no keys of their own.
+WITHOUT_KEYS = ("study", EFFECTS_PATH)
 #: Base models by name, and where they take the bearings' stiffness.
 BASES = {"full": "dynamic", "static_bearing": "static"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Words:
-    """Words of a command line, sorted: a verb's own options, group choices, and values of keys."""
+    """Words of a command line, sorted: a verb's own options, group choices, and values of keys.
+
+    taken: groups that the verb takes, for hints at what is allowed.
+    """
 
     options: dict[str, str]
     choices: dict[str, str]
     values: list[str]
     machine_file: Path | None
+    taken: tuple[str, ...]
 
     @property
     def of_machine(self) -> list[str]:
@@ -64,15 +70,22 @@ class Words:
 
 def words_for(kind: type[Options], words: list[str]) -> Words:
     """Sort the words of a verb's command line, as ``sort_words`` does."""
-    return sort_words(words, kind.fields(), kind.instead)
+    return sort_words(words, kind.fields(), kind.groups, kind.instead)
 
 
-def sort_words(words: list[str], options: Iterable[str], instead: Mapping[str, str] = MappingProxyType({})) -> Words:
+def sort_words(
+    words: list[str],
+    options: Iterable[str],
+    taken: Iterable[str] | None = None,
+    instead: Mapping[str, str] = MappingProxyType({}),
+) -> Words:
     """Sort the words of a command line; ``options`` are the verb's own keys.
 
-    instead: what is to be said of keys that are none. Raises InvalidInput with every word that is not understood.
+    taken: groups that hints may name, without it all; instead: what is to be said of keys that are none. Raises
+    InvalidInput with every word that is not understood.
     """
     options, known, problems = list(options), groups(), []
+    taken = tuple(known if taken is None else taken)
     found: dict[str, str] = {}
     choices: dict[str, str] = {}
     values: list[str] = []
@@ -93,11 +106,11 @@ def sort_words(words: list[str], options: Iterable[str], instead: Mapping[str, s
         elif "." in key:
             values.append(word)
         else:
-            said = instead.get(key) or f"unknown key; {_near_key(key, [*options, *known])}"
+            said = instead.get(key) or f"unknown key; {_near_key(key, options, taken)}"
             problems.append(f"{key}: {said}")
     if problems:
         raise InvalidInput(problems)
-    return Words(options=found, choices=choices, values=values, machine_file=machine_file)
+    return Words(options=found, choices=choices, values=values, machine_file=machine_file, taken=taken)
 
 
 def _no_pair(word: str, options: list[str], known: Mapping[str, list[str]]) -> str:
@@ -110,10 +123,10 @@ def _no_pair(word: str, options: list[str], known: Mapping[str, list[str]]) -> s
     return f"expected key=value{f'; did you mean {meant[0]}?' if meant else ''}"
 
 
-def _near_key(key: str, allowed: list[str]) -> str:
+def _near_key(key: str, options: list[str], taken: tuple[str, ...]) -> str:
     """Return a hint at the key that may be meant: one of a group, written without it, or one that is alike."""
-    whole = [dotted for group in groups() for dotted in shipped.keys(group) if dotted.endswith(f".{key}")]
-    return f"did you mean {' or '.join(sorted(whole, key=len)[:2])}?" if whole else nearest(key, allowed)
+    whole = [dotted for group in taken for dotted in shipped.keys(group) if dotted.endswith(f".{key}")]
+    return f"did you mean {' or '.join(sorted(whole, key=len)[:2])}?" if whole else nearest(key, [*options, *taken])
 
 
 @overload
@@ -163,7 +176,7 @@ def compose_settings(
     if off:
         raise InvalidInput([f"effects.{name}: {_why_off(name, effect_names(own))}" for name in off])
     roots = [*MACHINE_KEYS, *(key for key in kind.model_fields if key != "machine")]
-    problems = [f"{key}: unknown key; {nearest(key, roots)}" for key in data if key not in roots]
+    problems = [f"{key}: unknown key; {_near_root(key, roots, words)}" for key in data if key not in roots]
     machine = {key: data[key] for key in MACHINE_KEYS if data.get(key) is not None}
     rest = {key: data[key] for key in kind.model_fields if key in data}
     try:
@@ -173,6 +186,12 @@ def compose_settings(
     if problems:
         raise InvalidInput(problems)
     return settings
+
+
+def _near_root(key: str, roots: list[str], words: Words) -> str:
+    """Return a hint at the first part of a key that may be meant, of those that the verb takes."""
+    refused = ({*groups()} - {*words.taken}) | {*WITHOUT_KEYS}
+    return nearest(key, [root for root in roots if root not in refused])
 
 
 def modal_parameters_of(base: str, beside: Iterable[str]) -> str:

@@ -230,6 +230,12 @@ def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path
         (["sweep", "--study=smoke"], ["--study=smoke: expected key=value; did you mean study=smoke?"]),
         (["sweep", "--output", "x"], ["--output: expected key=value; did you mean output=...?"]),
         (["sweep", "preload_n=100"], ["preload_n: unknown key; did you mean grid.preload_n or spindle.preload_n?"]),
+        # Hints name what the verb takes: no groups of others, and no keys of these.
+        (["compare", "count=100"], ["count: unknown key; did you mean cluster.job.count?"]),
+        (
+            ["point", "spindle_speed_rpm=9000", "axial_depth_mm=1", "qq.x=1"],
+            ["qq: unknown key; allowed: bearing, spindle, tip, tool, cutting, process, method, effects, margins, grid"],
+        ),
         (["sweep", "effects.proces_damping.c=1"], ["effects.proces_damping: unknown effect; did you mean process_dam"]),
         (["sweep", "study=dataset_small"], ["compute it with: python -m pipeline dataset study=dataset_small"]),
         (["dataset", "study=smoke"], ["compute it with: python -m pipeline sweep study=smoke"]),

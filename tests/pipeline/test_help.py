@@ -47,6 +47,14 @@ def test_help_on_the_program_has_its_verbs_groups_and_effects(capsys):
     assert capsys.readouterr().out == told
 
 
+@pytest.mark.parametrize("verb", VERBS)
+def test_what_an_unknown_key_is_answered_with_are_words_that_the_verb_takes(verb, capsys):
+    assert main([verb, "qqqq=1"]) == 2
+    [told] = [line for line in capsys.readouterr().err.splitlines() if "qqqq" in line]
+    named = told.removeprefix("error: qqqq: unknown key; allowed: ").split(", ")
+    assert named == [*VERBS[verb].fields(), *VERBS[verb].groups]
+
+
 @pytest.mark.parametrize("example", [line for kind in VERBS.values() for line in kind.examples])
 def test_examples_are_words_that_their_verb_takes(example):
     verb, *words = shlex.split(example)
