@@ -154,7 +154,10 @@ def _sentence(finding: dict[str, Any], model: type[BaseModel]) -> str:
     if kind == "missing":
         return f"{where}: missing{_meaning(model, place)}"
     if kind == "value_error":
-        return f"{where}: {context['error']}" if where else str(context["error"])
+        told = str(context["error"])
+        # A key of the place that it begins with is written whole, to be copied.
+        joined = "." if told.partition(":")[0] in _keys_at(model, place) else ": "
+        return f"{where}{joined}{told}" if where else told
     return f"{where}: found {shown(finding['input'])}, allowed: {_allowed(kind, context, finding['msg'])}"
 
 

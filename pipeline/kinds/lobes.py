@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from chatter_core.chain import structure_variables
+from chatter_core.errors import InvalidInput
 from chatter_core.floquet import MethodSettings
 from chatter_core.lobes import CROSSINGS, LobeBlock
 from chatter_core.machine import Machine
@@ -61,9 +62,17 @@ class Lobes(Kind):
         return f"Stability lobes of study {settings.study}"
 
     def written_whole(self, settings: Settings) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, Any]]:
-        """Return coordinates and structure, in the units of the border; no further attributes."""
+        """Return coordinates and structure, in the units of the border; no further attributes.
+
+        Raises InvalidInput where the machine has not the modes that the grid asks for.
+        """
         values = coordinate_values(settings)
-        return values, _structure(settings, values), {}
+        try:
+            return values, _structure(settings, values), {}
+        except InvalidInput as error:
+            # The chain speaks of mode_count alone, whoever asks.
+            problems = [problem.replace("mode_count:", "grid.mode_count:", 1) for problem in error.problems]
+            raise InvalidInput(problems) from None
 
     def described(self, attributes: Mapping[str, Any], read: Callable[[str], np.ndarray]) -> Described:
         """Return what all chunks of a store share."""

@@ -112,19 +112,19 @@ def test_workers_have_the_environment_of_local_ones_and_what_the_prologue_says()
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("cluster=local", "cluster.kind=slurm"), "cluster: job: needed for kind 'slurm' or 'pbs', and only there"),
-        (("cluster=slurm", "cluster.kind=local"), "cluster: job: needed for kind 'slurm' or 'pbs', and only there"),
+        (("cluster=local", "cluster.kind=slurm"), "cluster.job: needed for kind 'slurm' or 'pbs', and only there"),
+        (("cluster=slurm", "cluster.kind=local"), "cluster.job: needed for kind 'slurm' or 'pbs', and only there"),
         (
             ("cluster=slurm", "cluster.workers=8"),
-            "cluster: workers: not allowed for kind 'slurm'; say job.count and job.cores",
+            "cluster.workers: not allowed for kind 'slurm'; say job.count and job.cores",
         ),
         (
             ("cluster=pbs", "cluster.job.drain_s=3241"),
-            "cluster.job: drain_s: found 3241 of a walltime of 3600 s, allowed: at most 0.9 of it",
+            "cluster.job.drain_s: found 3241 of a walltime of 3600 s, allowed: at most 0.9 of it",
         ),
         (
             ("cluster=slurm", "cluster.time_limit_s=1800"),
-            "cluster: time_limit_s: found 1800, allowed: at most half of the 3480 s that a worker lives "
+            "cluster.time_limit_s: found 1800, allowed: at most half of the 3480 s that a worker lives "
             "(job.walltime_min less job.drain_s)",
         ),
         (("cluster=slurm", "cluster.job.walltime_min=1h"), "cluster.job.walltime_min: found '1h', allowed: "),

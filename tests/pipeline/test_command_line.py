@@ -197,7 +197,7 @@ def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path
         (["sweep", "grid.spindle_speed_rpm=&a [1, *a]"], ["an alias (*name) is not allowed"]),
         (["sweep", "grid.spindle_speed_rpm=" + "[" * 2000], ["nested too deeply"]),
         (["sweep", "spindle.sections[9].length_mm=1"], ["spindle.sections[9].length_mm: '1' cannot be put there"]),
-        (["sweep", "grid.mode_count=[50]", "cluster=serial"], ["mode_count: found 50, allowed at most 20"]),
+        (["sweep", "grid.mode_count=[50]", "cluster=serial"], ["error: grid.mode_count: found 50, allowed at most 20"]),
         (["sweep", "cluster=address", "cluster.address=nonsense"], ["found 'nonsense', allowed: tcp://host:port"]),
         (["point", "spindle_speed_rpm=9000", "axial_depth_mm=1", "modes=50"], ["modes: found 50, allowed at most 20"]),
         (
@@ -213,7 +213,8 @@ def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path
         (["report", "output=nowhere", "study=smoke"], ["study: not for report"]),
         (["report", "output=" + "x" * 5000], ["File name too long"]),
         (["sweep", "grid.mode_count=[1.5]"], ["mode_count: found [1.5], allowed: whole numbers from 1 to 100"]),
-        (["sweep", "grid.mode_count=[99]"], ["mode_count: found 99, allowed at most"]),
+        (["sweep", "grid.mode_count=[99]"], ["error: grid.mode_count: found 99, allowed at most"]),
+        (["sweep", "grid.mode_count=[101]"], ["error: grid.mode_count: found [101], allowed: whole numbers from 1 to"]),
         (
             ["sweep", "grid.spindle_speed_rpm.count=1000000", "grid.axial_depth_mm.count=1000000"],
             ["cells, allowed: at most"],
@@ -223,7 +224,7 @@ def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path
             ["sweep", "method.intervals=40"],
             ["method: method 'collocation' takes tolerance, and not intervals or order"],
         ),
-        (["sweep", "cluster.kind=address"], ["cluster: address: needed for kind 'address'"]),
+        (["sweep", "cluster.kind=address"], ["cluster.address: needed for kind 'address'"]),
         (["sweep", "retry_failed=perhaps"], ["retry_failed: found 'perhaps', allowed: one of 'true' or 'false'"]),
         (["sweep", "machine=nowhere/machine.yaml"], ["nowhere/machine.yaml: no such file"]),
         (["sweep", "reference"], ["reference: expected key=value; did you mean study=reference?"]),
