@@ -12,7 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from pydantic.fields import FieldInfo
 
 from chatter_core.errors import InvalidInput
-from chatter_core.reading import sentences
+from chatter_core.reading import sentences, shown
 
 #: What a path must lead to, as help says it.
 DirectoryPath = Annotated[Path, "DIR"]
@@ -37,6 +37,8 @@ Truth = Annotated[Literal["true", "false"], BeforeValidator(_small)]
 LEASE, SHORTEST, LONGEST = 60.0, 3.0, 86400.0
 #: Margins of recommended cuts stay below the first, and go up to the second [%].
 ALL_DEPTH, MOST_SPEED = 100.0, 50.0
+#: Folders in one another that a path may lead through.
+DEEPEST = 200
 #: Groups of configs that describe the machine and its cut.
 MACHINE = ("machine", "bearing", "spindle", "tool", "cutting", "process")
 
@@ -111,11 +113,24 @@ class Options(BaseModel):
         return Path in _kinds(cls.fields()[name])
 
     @classmethod
+    def _no_path(cls, name: str, value: str) -> list[str]:
+        """Return what keeps a text from being a path: folders would be made that nobody meant."""
+        if "://" in value:
+            instead = "; say store=ADDRESS for an object store" if "store" in cls.fields() else ""
+            return [f"{name}: found the address {shown(value)}, allowed: a path on this machine{instead}"]
+        depth = len(Path(value).parts)
+        return [f"{name}: leads through {depth} folders, allowed: at most {DEEPEST}"] if depth > DEEPEST else []
+
+    @classmethod
     def read(cls, said: Mapping[str, str]) -> Self:
         """Return the options that are said; raise InvalidInput with every one that is missing or wrong."""
         empty = [name for name, value in said.items() if not value and name in cls.fields()]
         if empty:
             raise InvalidInput([f"{name}: is empty; needed: {cls.fields()[name].description}" for name in empty])
+        paths = {name: value for name, value in said.items() if name in cls.fields() and cls.is_path(name)}
+        problems = [problem for name, value in paths.items() for problem in cls._no_path(name, value)]
+        if problems:
+            raise InvalidInput(problems)
         try:
             return cls.model_validate(dict(said))
         except ValidationError as error:

@@ -211,6 +211,11 @@ def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path
         ),
         (["paper", "grid.spindle_speed_rpm=[9000]"], ["found 1 from 9000 to 9000, for paper allowed: at least 10"]),
         (["report", "output=nowhere", "study=smoke"], ["study: not for report"]),
+        (["template", "output=s3://bucket/mine"], ["output: found the address 's3://bucket/mine', allowed: a path"]),
+        (["sweep", "output=s3://bucket/mine"], ["a path on this machine; say store=ADDRESS for an object store"]),
+        (["template", "output=" + "a/" * 1000], ["output: leads through 1000 folders, allowed: at most 200"]),
+        (["contrast", "first=" + "a/" * 1000, "second=b"], ["holds no lobes.zarr"]),
+        (["sweep", "machine=" + "a/" * 1000 + "b.yaml"], ["no such file"]),
         (["report", "output=" + "x" * 5000], ["File name too long"]),
         (["sweep", "grid.mode_count=[1.5]"], ["mode_count: found [1.5], allowed: whole numbers from 1 to 100"]),
         (["sweep", "grid.mode_count=[99]"], ["error: grid.mode_count: found 99, allowed at most"]),
@@ -262,6 +267,7 @@ def test_wrong_words_get_every_message_and_exit_code_two(words, messages, capsys
     captured = capsys.readouterr()
     for message in messages:
         assert message in captured.err
+    assert not (tmp_path / "s3:").exists()
     assert "Traceback" not in captured.err
     assert all(line.startswith("error: ") for line in captured.err.splitlines())
     assert not list(tmp_path.rglob("*.zarr"))
