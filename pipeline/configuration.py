@@ -84,7 +84,7 @@ def sort_words(
     taken: groups that hints may name, without it all; instead: what is to be said of keys that are none. Raises
     InvalidInput with every word that is not understood.
     """
-    options, known, problems = list(options), groups(), []
+    options, known, problems = list(options), groups(), repeated(words)
     taken = tuple(known if taken is None else taken)
     found: dict[str, str] = {}
     choices: dict[str, str] = {}
@@ -111,6 +111,22 @@ def sort_words(
     if problems:
         raise InvalidInput(problems)
     return Words(options=found, choices=choices, values=values, machine_file=machine_file, taken=taken)
+
+
+def repeated(words: list[str]) -> list[str]:
+    """Return what is to be said of options and groups that words give different values: which counts nobody would see.
+
+    Of dotted keys the last word counts, so that what a script says can be changed behind it.
+    """
+    said: dict[str, list[str]] = {}
+    for key, equals, value in (word.partition("=") for word in words):
+        if key and equals and "." not in key and value not in said.setdefault(key, []):
+            said[key].append(value)
+    return [
+        f"{key}: found {' and '.join(map(shown, values))}, allowed: one of them"
+        for key, values in said.items()
+        if len(values) > 1
+    ]
 
 
 def _no_pair(word: str, options: list[str], known: Mapping[str, list[str]]) -> str:

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from chatter_core.errors import InvalidInput
 from chatter_core.reading import load_value, load_yaml, sentences, shown
-from pipeline.configuration import compose_settings, words_for
+from pipeline.configuration import compose_settings, repeated, words_for
 from pipeline.design import CUT_PARTS, DatasetSettings, Level, first_of_cuts, varied_of
 from pipeline.execution import execute_words
 from pipeline.keys import parts_of
@@ -42,7 +42,12 @@ def run(words: list[str]) -> int:
 
 
 def own_words(words: list[str]) -> OwnWords:
-    """Sort out the words that only this verb knows; of several files of designs the last one counts."""
+    """Sort out the words that only this verb knows.
+
+    Raises InvalidInput for a design, or an option, that is said twice.
+    """
+    if problems := repeated(words):
+        raise InvalidInput(problems)
     varied, words = _taken(VARY, words)
     formulas, words = _taken(FORMULA, words)
     files = [word for word in words if word.startswith("design=") and word.endswith((".yaml", ".yml"))]

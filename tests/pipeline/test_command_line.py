@@ -17,7 +17,8 @@ POINT = ["point", "spindle_speed_rpm=12000", "axial_depth_mm=1"]
 
 
 def answer(capsys, *words):
-    code = main([*POINT, "format=json", *words])
+    keys = {word.partition("=")[0] for word in words}
+    code = main([*(word for word in POINT if word.partition("=")[0] not in keys), "format=json", *words])
     return code, json.loads(capsys.readouterr().out)
 
 
@@ -52,9 +53,9 @@ def test_the_boundary_above_a_depth_beyond_the_grid_is_found(capsys):
     # Limit depths are told to six digits.
     _, there = answer(capsys, *words, f"axial_depth_mm={limit}")
     assert there["spectral_radius"] == pytest.approx(1.0, abs=1e-4)
-    assert main([*POINT, *words, "axial_depth_mm=12"]) == 0
+    assert main(["point", *words, "axial_depth_mm=12"]) == 0
     assert f"limit depths at this speed: {limit:.4g} mm\n" in capsys.readouterr().out
-    assert main([*POINT, *words]) == 0
+    assert main(["point", *words, "axial_depth_mm=1"]) == 0
     assert "limit depths at this speed: none down to 6 mm\n" in capsys.readouterr().out
 
 
@@ -211,6 +212,9 @@ def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path
         ),
         (["paper", "grid.spindle_speed_rpm=[9000]"], ["found 1 from 9000 to 9000, for paper allowed: at least 10"]),
         (["report", "output=nowhere", "study=smoke"], ["study: not for report"]),
+        (["compare", "campaign=a", "campaign=b"], ["error: campaign: found 'a' and 'b', allowed: one of them"]),
+        (["sweep", "study=smoke", "study=reference"], ["study: found 'smoke' and 'reference', allowed: one of them"]),
+        (["dataset", "design=a.yaml", "design=b.yaml"], ["design: found 'a.yaml' and 'b.yaml', allowed: one of them"]),
         (["template", "output=s3://bucket/mine"], ["output: found the address 's3://bucket/mine', allowed: a path"]),
         (["sweep", "output=s3://bucket/mine"], ["a path on this machine; say store=ADDRESS for an object store"]),
         (["template", "output=" + "a/" * 1000], ["output: leads through 1000 folders, allowed: at most 200"]),
