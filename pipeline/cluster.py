@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from multiprocessing import resource_tracker
-from tempfile import TemporaryDirectory
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -17,6 +16,7 @@ from threadpoolctl import threadpool_limits
 from chatter_core.errors import InvalidInput
 from pipeline.errors import WorkersLost
 from pipeline.queue_jobs import open_queue
+from pipeline.scratch import scratch_folder
 from pipeline.settings import Cluster
 from pipeline.telling import note
 
@@ -157,7 +157,7 @@ def open_client(cluster: Cluster, stopping: Callable[[], bool] = lambda: False) 
     # What an event loop has left unanswered when its workers are gone is no news to anybody.
     logging.getLogger("asyncio").setLevel(logging.CRITICAL)
     with ExitStack() as started:
-        scratch = started.enter_context(TemporaryDirectory(prefix="chatter-"))
+        scratch = str(started.enter_context(scratch_folder()))
         started.enter_context(dask.config.set({**CONFIGURATION, "temporary-directory": scratch}))
         told: Callable[[], str] = str
         if cluster.kind in ("address", "mpi"):

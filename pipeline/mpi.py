@@ -3,13 +3,13 @@
 import logging
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from tempfile import TemporaryDirectory
 
 import dask
 
 from chatter_core.errors import InvalidInput
 from pipeline.cluster import CONFIGURATION, LOOPBACK
 from pipeline.queue_jobs import missing_extra
+from pipeline.scratch import scratch_folder
 from pipeline.telling import program
 
 #: What Dask's processes say of themselves is nothing that a user could use.
@@ -34,7 +34,7 @@ def joined() -> Iterator[bool]:
         needed = f"kind 'mpi' takes 3 processes at least, a scheduler, a driver and workers; found {processes}"
         raise InvalidInput([f"cluster: {needed}. Say: mpirun -n 4 {program()} ..."])
     with ExitStack() as started:
-        scratch = started.enter_context(TemporaryDirectory(prefix="chatter-"))
+        scratch = str(started.enter_context(scratch_folder()))
         started.enter_context(dask.config.set({**CONFIGURATION, **QUIET, "temporary-directory": scratch}))
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         drives = initialize(

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import yaml
 from threadpoolctl import threadpool_limits
@@ -15,6 +14,7 @@ from pipeline.errors import StoreUnavailable, Unreadable
 from pipeline.kinds import kind_of
 from pipeline.places import RECORD, Folder, Place, StillHeld, as_long_as_it_takes
 from pipeline.progress import Meter
+from pipeline.scratch import scratch_folder
 from pipeline.settings import Cluster, Study, recorded
 from pipeline.study_place import study_place
 from pipeline.telling import command, complain, fact, say
@@ -179,8 +179,8 @@ def _restore_fixed(place: Place, names: list[str], settings: Study) -> None:
     """Compute coordinates and structure anew that cannot be read."""
     if not names:
         return
-    with TemporaryDirectory(prefix="chatter-") as scratch:
-        fresh = Folder(Path(scratch), place.root)
+    with scratch_folder() as scratch:
+        fresh = Folder(scratch, place.root)
         store.create(fresh, settings, [])
         made, group = store.open_group(fresh), store.open_group(place)
         for name in names:
