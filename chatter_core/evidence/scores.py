@@ -50,7 +50,7 @@ class Score:
     """Error of one quantity; low and high enclose it with COVERAGE, NaN where data are too few; count: of data.
 
     unanswered: how many of them the model has no answer for, which count as wrong; at_least: whether it may be larger,
-    for some data are farther off than is looked.
+    for some data are farther off than is looked; nothing encloses it then.
     """
 
     value: float
@@ -98,8 +98,10 @@ def cut_scores(campaign: Campaign, said: Told) -> dict[str, Score]:
     found = {} if campaign.trials is None else _trial_scores(campaign.trials, campaign.machine.tool.teeth, said)
     if campaign.limits is not None:
         error = campaign.limits.uncertainty / campaign.limits.limit_depth
-        beyond = bool(out_of_reach(said.limit_margin).any())
-        found["limit_depth"] = replace(_of_residuals(said.limit_margin, error), at_least=beyond)
+        found["limit_depth"] = _of_residuals(said.limit_margin, error)
+        if out_of_reach(said.limit_margin).any():
+            # An interval of what is only a bound would say nothing.
+            found["limit_depth"] = replace(found["limit_depth"], low=np.nan, high=np.nan, at_least=True)
     return found
 
 

@@ -92,6 +92,7 @@ def test_limit_depths_are_off_by_their_root_mean_square():
 def test_an_error_with_a_limit_that_the_model_has_not_is_a_least_one():
     found = judged_limits([0.1, -LIMIT_REACH])["limit_depth"]
     assert (found.value, found.at_least) == (pytest.approx(np.sqrt((0.01 + LIMIT_REACH**2) / 2)), True)
+    assert np.isnan([found.low, found.high]).all()
 
 
 @pytest.mark.parametrize(
