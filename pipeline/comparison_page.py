@@ -51,7 +51,7 @@ NAMES = {
 #: What the headlines say of errors, and of what was held out.
 HEADS = {
     "outcome": ("Told wrongly, mean of stable cuts and of those with chatter", "cuts that were held out"),
-    "limit_depth": ("Limit depths not met, of their logarithm", "those that were held out"),
+    "limit_depth": ("Limit depths off, root mean square of ln(measured / predicted)", "those that were held out"),
     "receptance": ("Receptances not met, share of their size", ""),
 }
 #: Quantities told in per cent.

@@ -44,7 +44,8 @@ class Scan:
     def with_waves(self, waves: float) -> tuple[float, ...]:
         """Return the values for cuts with so many waves between two teeth: where there are fewer, farther apart."""
         apart = 1.0 if self.waves is None else max(self.waves / waves, 1.0)
-        return tuple(apart * value for value in self.values if apart * value <= max(self.values))
+        found = tuple(apart * value for value in self.values if min(self.values) <= apart * value <= max(self.values))
+        return found or (max(self.values, key=abs),)
 
 
 @dataclass(frozen=True, kw_only=True)

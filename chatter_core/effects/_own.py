@@ -90,7 +90,7 @@ def _findings_of_scan(kind: "type[Effect]") -> Iterator[str]:
     )
     if scan is None:
         return
-    if not hasattr(scan, "with_waves"):
+    if isinstance(scan, type) or not hasattr(scan, "with_waves"):
         yield f"scan: found {scan!r}, allowed: Scan(parameter=..., values=...)"
     elif scan.parameter not in declared:
         yield f"scan: found {scan.parameter!r}; {nearest(str(scan.parameter), list(declared))}"

@@ -8,6 +8,7 @@ import numpy as np
 from chatter_core.cards import Card, ShownAsCard
 from chatter_core.evidence import likelihood
 from chatter_core.evidence.likelihood import Contribution
+from chatter_core.evidence.margin import LIMIT_REACH
 from chatter_core.evidence.measured import measuring_ranges
 from chatter_core.evidence.nuisances import (
     TYPICAL_MARGINAL_WIDTH,
@@ -180,5 +181,5 @@ class Comparison(ShownAsCard):
             found["bearing_stiffness"] = likelihood.gaussian(apart, likelihood.STIFFNESS_ERROR)
         if campaign.limits is not None and len(prediction.limit_margin):
             error = campaign.limits.uncertainty / campaign.limits.limit_depth
-            found["limit_depth"] = likelihood.gaussian(prediction.limit_margin, error)
+            found["limit_depth"] = likelihood.limit_depth(prediction.limit_margin, error, LIMIT_REACH)
         return found

@@ -26,6 +26,8 @@ FACTS_OF_A_PEAK = 4.0
 FREQUENCY_SHARE, FREQUENCY_FLOOR, FREQUENCY_DRIFT = 0.005, 2.0 * np.pi * 3.0, 0.025
 #: Degrees of freedom of its distribution; share of those that belong to another branch of multipliers.
 FREQUENCY_FREEDOM, FREQUENCY_ELSEWHERE = 4.0, 0.1
+#: Degrees of freedom of a limit depth's: beside a lobe's peak a resonance that is slightly off is off by a factor.
+LIMIT_FREEDOM = 4.0
 #: Standard deviations of the logarithm: natural frequency, damping ratio, stiffness of a single bearing.
 NATURAL_FREQUENCY_ERROR, DAMPING_RATIO_ERROR, STIFFNESS_ERROR = 0.005, 0.2, 0.05
 #: What a model cannot answer is off by so many standard deviations.
@@ -215,14 +217,15 @@ def receptance_by_size(
     return Contribution(log_density=-0.5 * weight * residual**2, coordinates=parts, score=-parts)
 
 
-def with_unanswered(residual: Array, error: Array | float) -> Array:
+def with_unanswered(residual: Array, error: Array | float, least: float = 0.0) -> Array:
     """Return residuals (datum,) with a standard deviation; one that is none is off by UNANSWERED deviations.
 
     That is NaN, where a model has no answer, or infinite, as a damping ratio of zero is far from any measured one.
+    least: by how much such a one is off at least, what the worst of answers is.
 
     See docs/physics.md#likelihoods.
     """
-    return np.where(np.isfinite(residual), residual, UNANSWERED * error)
+    return np.where(np.isfinite(residual), residual, np.maximum(UNANSWERED * np.asarray(error), least))
 
 
 def gaussian(residual: Array, error: Array | float) -> Contribution:
@@ -236,6 +239,25 @@ def gaussian(residual: Array, error: Array | float) -> Contribution:
         log_density=-0.5 * standard**2 - np.log(error) - 0.5 * np.log(2.0 * np.pi),
         coordinates=standard[:, None],
         score=-standard[:, None],
+    )
+
+
+def limit_depth(residual: Array, error: Array, farthest: float) -> Contribution:
+    """Return what limit depths say: Student-t in the logarithm, for one of many must not outweigh all other data.
+
+    residual: (row,), ln(measured / predicted), farthest where no limit of the model's is that near; error: (row,).
+
+    See docs/physics.md#likelihoods.
+    """
+    freedom, standard = LIMIT_FREEDOM, with_unanswered(residual, error, farthest) / error
+    normaliser = gammaln(0.5 * (freedom + 1.0)) - gammaln(0.5 * freedom) - 0.5 * np.log(freedom * np.pi)
+    # Expected information of a location, over the scale squared.
+    unit = np.sqrt((freedom + 1.0) / (freedom + 3.0))
+    score = -(freedom + 1.0) * standard / (freedom + standard**2)
+    return Contribution(
+        log_density=normaliser - np.log(error) - 0.5 * (freedom + 1.0) * np.log1p(standard**2 / freedom),
+        coordinates=unit * standard[:, None],
+        score=score[:, None] / unit,
     )
 
 

@@ -7,7 +7,8 @@ bracketed among a few depths around the cuts, and found. Cuts that differ in dep
 what is known of it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,8 @@ Growth = Callable[[Indices, Array], Array]
 #: A crossing is looked for so far from a cut in ln(depth); what lies beyond counts as that far.
 REACH = 0.45
 #: The limit of a model that is held against a measured one is looked for so far, from a tenth of it to ten times, where
-#: there is none within REACH: of a limit the distance is what counts, and not only the side.
+#: there is none within REACH: of a limit the distance is what counts, and not only the side. Where stability is
+#: regained is no limit.
 LIMIT_REACH = float(np.log(10.0))
 #: ln|mu| is looked at in every cut and REACH beyond the outermost ones, and halfway between as long as a gap is wider,
 #: but for one whose ends are so far on one side of the boundary that curves would have to be steeper than STEEPEST, per
@@ -33,8 +35,8 @@ WIDEST_GAP, STEEPEST = 0.5, 2.5
 #: longer). Such a cut is not steady: it counts as unstable, by however much.
 NOT_STEADY = 0.1
 #: Crossings are bracketed to this in ln(depth), and told by a straight line within: those of smooth curves to some
-#: 1e-7. A leap of ln|mu| is anywhere within.
-CROSSING_TOLERANCE = 1e-3
+#: 1e-6. A leap of ln|mu| is bracketed to the second, and anywhere within.
+CROSSING_TOLERANCE, LEAP_TOLERANCE = 1e-3, 1e-4
 #: Step in ln(depth) for the slope at a crossing, and how far a crossing may move to be followed.
 SLOPE_STEP, FARTHEST = 1e-3, 0.05
 #: Slopes of ln|mu| beyond this, ten times the steepest of curves, are leaps.
@@ -44,33 +46,39 @@ LEAPS = 10.0 * STEEPEST
 def margins(growth: Growth, curve: Indices, place: Array, reach: Array | float = REACH) -> tuple[Array, Array]:
     """Return the margin of each cut and the crossing that it is measured from, (cut,) each, in ln(depth).
 
-    curve, place: (cut,), the curve on which a cut lies and its own ln(depth); reach: (cut,), REACH or, where a crossing
-    is looked for farther if there is none within that, LIMIT_REACH. The margin is the distance to the nearest crossing,
-    positive where the cut is unstable: ln(depth / limit depth) where the boundary is a single limit. Without a crossing
-    within reach it is that reach, with its sign, and the crossing, told from the cut, is NaN. A depth without an answer
-    on a curve that has some counts as unstable; both are NaN on a curve without any.
+    curve, place: (cut,), the curve on which a cut lies and its own ln(depth); reach: (cut,), REACH, or LIMIT_REACH of
+    measured limits. The margin is the distance to the nearest crossing, positive where the cut is unstable: ln(depth /
+    limit depth) where the boundary is a single limit. Without a crossing within reach it is that reach, with its sign,
+    and the crossing, told from the cut, is NaN. Of measured limits the margin is ln(measured / predicted), to the
+    nearest crossing at which stability is lost. A depth without an answer on a curve that has some counts as unstable;
+    both are NaN on a curve without any.
 
     See docs/physics.md#margin.
     """
-    margin, crossing = _margins_within(growth, curve, place, REACH)
-    far = np.flatnonzero((reach > REACH) & np.isnan(crossing))
+    limits = np.broadcast_to(reach > REACH, place.shape)
+    margin, crossing = _margins_within(growth, curve, place, limits, REACH)
+    far = np.flatnonzero(limits & np.isnan(crossing))
     if len(far):
-        margin[far], crossing[far] = _margins_within(growth, curve[far], place[far], LIMIT_REACH)
+        margin[far], crossing[far] = _margins_within(growth, curve[far], place[far], limits[far], LIMIT_REACH)
     return margin, crossing
 
 
-def _margins_within(growth: Growth, curve: Indices, place: Array, reach: float) -> tuple[Array, Array]:
-    """Return margins and crossings (cut,) that are looked for so far from every cut."""
+def _margins_within(
+    growth: Growth, curve: Indices, place: Array, limits: NDArray[np.bool_], reach: float
+) -> tuple[Array, Array]:
+    """Return margins and crossings (cut,) that are looked for so far from every cut; limits: which are limits."""
     on, at, looked = _looks(growth, curve, place, reach)
     own = looked[_position(on, at, curve, place)]
     nearest = np.full(len(place), np.nan)
-    for root_curve, root in zip(*_crossings(growth, on, at, looked), strict=True):
-        among = curve == root_curve
+    for root_curve, root, lost in zip(*_crossings(growth, on, at, looked), strict=True):
+        among = (curve == root_curve) & (lost | ~limits)
         nearer = among & ~(np.abs(nearest - place) <= np.abs(root - place))
         nearest[nearer] = root
     crossing = np.where(np.isfinite(own) & (np.abs(nearest - place) <= reach), nearest - place, np.nan)
-    distance = np.where(np.isnan(crossing), reach, np.abs(crossing))
-    return np.where(np.isnan(own), np.nan, np.where(own > 0.0, distance, -distance)), crossing
+    known = np.isfinite(crossing)
+    distance = np.where(known, np.abs(crossing), reach)
+    grows = np.where(limits & known, crossing < 0.0, own > 0.0)
+    return np.where(np.isnan(own), np.nan, np.where(grows, distance, -distance)), crossing
 
 
 def out_of_reach(limit_margin: Array) -> NDArray[np.bool_]:
@@ -84,8 +92,7 @@ def out_of_reach(limit_margin: Array) -> NDArray[np.bool_]:
 def crossing_lines(growth: Growth, curve: Indices, place: Array, crossing: Array) -> tuple[Array, Array]:
     """Return the slope of ln|mu| per ln(depth) at the crossings and what is left of ln|mu| there, (cut,) each.
 
-    Both are NaN where there is no crossing. Where ln|mu| leaps the slope is infinite and nothing is left, for neither
-    says anything there.
+    Both are NaN where there is no crossing. Where ln|mu| leaps, or has no answer beside, the slope is infinite.
 
     See docs/physics.md#margin.
     """
@@ -94,9 +101,9 @@ def crossing_lines(growth: Growth, curve: Indices, place: Array, crossing: Array
     if len(known):
         on, at, which, _ = _shared(curve, place, crossing, known)
         here, beside = np.split(growth(np.tile(on, 2), np.concatenate([at, at + SLOPE_STEP])), 2)
-        leaps = np.maximum(np.abs(here), np.abs(beside - here)) > LEAPS * SLOPE_STEP
-        slope[known] = np.where(leaps, np.inf, (beside - here) / SLOPE_STEP)[which]
-        left[known] = np.where(leaps, 0.0, here)[which]
+        smooth = np.maximum(np.abs(here), np.abs(beside - here)) <= LEAPS * SLOPE_STEP
+        slope[known] = np.where(smooth, (beside - here) / SLOPE_STEP, np.inf)[which]
+        left[known] = here[which]
     return slope, left
 
 
@@ -114,9 +121,9 @@ def followed_margins(
 
     A Newton step from each crossing; what had none in reach, or no answer, has none now. For differences
     between neighbouring models, which move a crossing by a few thousandths. Where one moves farther than
-    FARTHEST, all of its curve is looked for anew. slope, left: (cut,), the other model's ``crossing_lines``: the slope
-    of one that hardly differs hardly does, and a crossing moves by what changes where the other one was found, which
-    is not quite a crossing; reach: as for ``margins``.
+    FARTHEST, or a leap farther than SLOPE_STEP, all of its curve is looked for anew. slope, left: (cut,), the
+    other model's ``crossing_lines``: the slope of one that hardly differs hardly does, and a crossing moves by
+    what changes where the other one was found, which is not quite a crossing; reach: as for ``margins``.
 
     See docs/physics.md#margin.
     """
@@ -125,12 +132,16 @@ def followed_margins(
         return margin, crossing
     on, before, which, first = _shared(curve, place, crossing, known)
     steep, was = slope[known[first]], left[known[first]]
-    leaps = np.flatnonzero(~np.isfinite(steep))
-    asked = growth(np.concatenate([on, on[leaps]]), np.concatenate([before, before[leaps] + SLOPE_STEP]))
-    at, beside = np.split(asked, [len(on)])
-    steep[leaps] = (beside - at[leaps]) / SLOPE_STEP
+    leaps = np.flatnonzero(np.isinf(steep))
+    asked = [before, before[leaps] - SLOPE_STEP, before[leaps] + SLOPE_STEP]
+    at, below, above = np.split(
+        growth(np.concatenate([on, on[leaps], on[leaps]]), np.concatenate(asked)), [len(on), len(on) + len(leaps)]
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         step = (was - at) / steep
+    # What is known of a leap is whether it is still there.
+    stays = (_steady(below) > 0.0) != (_steady(above) > 0.0)
+    step[leaps] = np.where(stays, 0.0, np.nan)
     moved = step[which]
     followed, after = margin.copy(), crossing.copy()
     after[known] += moved
@@ -186,11 +197,11 @@ def _wide(on: Indices, at: Array, looked: Array) -> Indices:
 
 
 def _stations(curve: Indices, place: Array, reach: float) -> tuple[Indices, Array]:
-    """Return curves and places (look,) of every cut and of what lies so far beyond the outermost, sorted."""
-    curves, parts = np.unique(curve), []
+    """Return curves and places (look,) of every cut and of what lies REACH, and reach, beyond the outermost, sorted."""
+    curves, parts, beyond = np.unique(curve), [], np.unique([REACH, reach])
     for one in curves:
         own = np.unique(place[curve == one])
-        parts.append(np.concatenate([[own[0] - reach], own, [own[-1] + reach]]))
+        parts.append(np.concatenate([own[0] - beyond[::-1], own, own[-1] + beyond]))
     on = np.repeat(curves, [len(part) for part in parts])
     return on, np.concatenate([np.empty(0), *parts])
 
@@ -208,28 +219,36 @@ def _position(on: Indices, at: Array, curve: Indices, place: Array) -> Indices:
     )
 
 
-def _crossings(growth: Growth, on: Indices, at: Array, looked: Array) -> tuple[Indices, Array]:
-    """Return curve and place (crossing,) of all crossings between neighbouring looks."""
+def _crossings(growth: Growth, on: Indices, at: Array, looked: Array) -> tuple[Indices, Array, NDArray[np.bool_]]:
+    """Return curve and place of all crossings between neighbouring looks, and whether stability is lost (crossing,)."""
     before, after = looked[:-1], looked[1:]
     # Comparisons with NaN are false on both sides: what is not known brackets nothing.
-    changes = ((before > 0.0) & (after <= 0.0)) | ((before <= 0.0) & (after > 0.0))
-    low = np.flatnonzero(changes & (on[:-1] == on[1:]))
+    lost, regained = (before <= 0.0) & (after > 0.0), (before > 0.0) & (after <= 0.0)
+    low = np.flatnonzero((lost | regained) & (on[:-1] == on[1:]))
     if not len(low):
-        return on[:0], at[:0]
-    ends = iter((looked[low], looked[low + 1]))
+        return on[:0], at[:0], lost[:0]
+    found = _bracketed(growth, on[low], (at[low], at[low + 1]), (before[low], after[low]), CROSSING_TOLERANCE)
+    place = _between(found.bracket, found.f_bracket)
+    leaps = np.flatnonzero(np.abs(np.subtract(*found.f_bracket)) > LEAPS * CROSSING_TOLERANCE)
+    if len(leaps):
+        ends, values = ([end[leaps] for end in pair] for pair in (found.bracket, found.f_bracket))
+        closer = _bracketed(growth, on[low][leaps], ends, values, LEAP_TOLERANCE)
+        place[leaps] = _between(closer.bracket, closer.f_bracket)
+    return on[low][found.success], place[found.success], lost[low][found.success]
+
+
+def _bracketed(growth: Growth, on: Indices, ends: Sequence[Array], values: Sequence[Array], tolerance: float) -> Any:
+    """Return what the root finder tells of crossings between ends (crossing,) with known ln|mu|, on their curves."""
+    known = iter(values)
 
     def ask(place: Array, which: Array) -> Array:
         """Answer what is known at the ends, which the root finder asks for first, and evaluate the rest."""
-        known = next(ends, None)
-        return known if known is not None else _steady(growth(which.astype(np.intp), place))
+        at_end = next(known, None)
+        return at_end if at_end is not None else _steady(growth(which.astype(np.intp), place))
 
-    found = elementwise.find_root(
-        ask,
-        (at[low], at[low + 1]),
-        args=(on[low].astype(float),),
-        tolerances={"xatol": CROSSING_TOLERANCE, "xrtol": 0.0},
+    return elementwise.find_root(
+        ask, tuple(ends), args=(on.astype(float),), tolerances={"xatol": tolerance, "xrtol": 0.0}
     )
-    return on[low][found.success], _between(found.bracket, found.f_bracket)[found.success]
 
 
 def _between(bracket: tuple[Array, Array], value: tuple[Array, Array]) -> Array:

@@ -84,7 +84,7 @@ class Prediction:
 
     @property
     def limit_margin(self) -> Array:
-        """Ln of measured over predicted limit depth (row,), to the nearest crossing; LIMIT_REACH where none is."""
+        """Ln of measured over predicted limit depth (row,), the nearest one; LIMIT_REACH where none is."""
         return self.cuts.margin[self.trials :] if self.cuts is not None else np.empty(0)
 
     @property

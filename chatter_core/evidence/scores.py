@@ -21,7 +21,7 @@ from chatter_core.evidence.likelihood import (
     outcome,
     with_unanswered,
 )
-from chatter_core.evidence.margin import REACH, out_of_reach
+from chatter_core.evidence.margin import LIMIT_REACH, REACH, out_of_reach
 from chatter_core.evidence.measured import OUTCOMES, Receptance, Trials, measuring_ranges
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.prediction import Prediction
@@ -98,7 +98,7 @@ def cut_scores(campaign: Campaign, said: Told) -> dict[str, Score]:
     found = {} if campaign.trials is None else _trial_scores(campaign.trials, campaign.machine.tool.teeth, said)
     if campaign.limits is not None:
         error = campaign.limits.uncertainty / campaign.limits.limit_depth
-        found["limit_depth"] = _of_residuals(said.limit_margin, error)
+        found["limit_depth"] = _of_residuals(said.limit_margin, error, LIMIT_REACH)
         if out_of_reach(said.limit_margin).any():
             # An interval of what is only a bound would say nothing.
             found["limit_depth"] = replace(found["limit_depth"], low=np.nan, high=np.nan, at_least=True)
@@ -219,9 +219,12 @@ def _root_mean_square(data: Array, freedom: float) -> Score:
     return Score(value=value, low=float(low), high=float(high), count=len(data))
 
 
-def _of_residuals(residual: Array, error: Array | float) -> Score:
-    """Return the root mean square of residuals (datum,) with a standard deviation; as in a fit, none is far off."""
-    found = _root_mean_square(with_unanswered(residual, error), len(residual))
+def _of_residuals(residual: Array, error: Array | float, least: float = 0.0) -> Score:
+    """Return the root mean square of residuals (datum,) with a standard deviation; as in a fit, none is far off.
+
+    least: as ``with_unanswered`` has it.
+    """
+    found = _root_mean_square(with_unanswered(residual, error, least), len(residual))
     return replace(found, unanswered=int((~np.isfinite(residual)).sum()))
 
 

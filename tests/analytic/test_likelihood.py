@@ -136,6 +136,13 @@ def test_coordinates_of_frequencies_carry_nearly_the_expected_information():
     assert exact < stated < 1.1 * exact
 
 
+def test_coordinates_of_limit_depths_carry_the_expected_information():
+    error = np.array([0.05])
+    stated = gram(lambda h: likelihood.limit_depth(np.array([h]), error, 2.0).coordinates, 1e-3)
+    # (freedom + 1) / (freedom + 3) over the scale squared, of a location.
+    assert stated == pytest.approx(5.0 / 7.0 / 0.05**2, rel=1e-9)
+
+
 def numbers_of(contribution):
     """Log density, first coordinate and its score of a single datum."""
     return contribution.log_density[0], contribution.coordinates[0], contribution.score[0]
@@ -157,6 +164,7 @@ def test_the_score_is_the_slope_of_the_log_density_along_the_coordinates(residua
         *of_label,
         lambda shift: heard_alone(measured, np.array([(residual + shift) * HZ]), passing),
         lambda shift: likelihood.gaussian(np.array([residual + shift]), 3.0),
+        lambda shift: likelihood.limit_depth(np.array([residual + shift]), np.array([3.0]), 200.0),
         lambda shift: likelihood.receptance(np.array([1.0 + 2.0j]), np.array([(0.4 + 0.1j) * (1.0 + shift)]), 0.7, 2.0),
     ]
     for kind in kinds:
@@ -235,6 +243,14 @@ def test_other_numbers_are_normal_and_ten_deviations_off_when_unanswered():
     far = stats.norm.logpdf(0.2, scale=0.02)
     expected = [stats.norm.logpdf(0.01, scale=0.02), far, far]
     assert found.log_density == pytest.approx(expected, rel=1e-13)
+
+
+def test_limit_depths_are_student_t_and_none_is_worse_than_one_without_an_answer():
+    error, farthest = np.array([0.02, 0.1, 0.1, 0.5]), np.log(10.0)
+    found = likelihood.limit_depth(np.array([0.03, farthest, np.nan, np.nan]), error, farthest)
+    # Where ten deviations are farther than the farthest answer, they count.
+    off = np.array([0.03, farthest, farthest, 5.0])
+    assert found.log_density == pytest.approx(stats.t.logpdf(off / error, 4.0) - np.log(error), rel=1e-12)
 
 
 def test_the_balanced_error_weighs_both_classes_alike():

@@ -155,6 +155,7 @@ def with_line(*lines: str) -> str:
             r"mine.py: shapes: found 'losss'; did you mean loss",
         ),
         (with_line('heard: ClassVar[str | None] = "hertz"'), r"mine.py: heard: found 'hertz'; "),
+        (with_line(f"scan: ClassVar[Any] = type({SCAN}('loss', (0.1,)))"), r"mine.py: scan: found <class"),
         (with_line("scan: ClassVar[Any] = 0.3"), r"mine.py: scan: found 0.3, allowed: Scan\(parameter="),
         (with_line(f"scan: ClassVar[Any] = {SCAN}('los', (0.1,))"), r"mine.py: scan: found 'los'; did you mean loss"),
         (with_line(f"scan: ClassVar[Any] = {SCAN}('loss', ())"), r"mine.py: scan: found \(\), allowed: a tuple"),

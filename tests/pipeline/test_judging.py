@@ -100,7 +100,7 @@ def test_a_page_of_limit_depths_alone_speaks_of_no_judged_cuts(tmp_path, quick):
         "Limit depths and the boundary of stability",
         "Limit depths as they were measured, with their standard uncertainty.",
         "Held out: the limit depths of each of 3 groups of speeds",
-        "Limit depths not met, of their logarithm: ",
+        "Limit depths off, root mean square of ln(measured / predicted): ",
     ):
         assert words in page
     assert "Cuts as they were judged" not in page

@@ -5,6 +5,7 @@ import pytest
 
 from chatter_core.evidence.margin import (
     CROSSING_TOLERANCE,
+    LEAP_TOLERANCE,
     LIMIT_REACH,
     REACH,
     WIDEST_GAP,
@@ -81,6 +82,19 @@ def test_what_may_be_looked_for_farther_is_where_nothing_is_in_reach():
     asked.clear()
     margins(growth, curve[1:2], place[1:2], reach[1:2])
     assert np.abs(np.concatenate(asked)).max() == REACH
+
+
+def test_a_limit_is_where_stability_is_lost():
+    def growth(curve, place):
+        # Unstable from 2.0 below the first measured limit to 0.7 above it; from 0.6 to 0.1 below the second.
+        return np.where(curve == 0, np.minimum(place + 2.0, 0.7 - place), -10.0 * (place + 0.6) * (place + 0.1))
+
+    curve, place = np.arange(2), np.zeros(2)
+    margin, crossing = margins(growth, curve, place, np.full(2, LIMIT_REACH))
+    # Measured over predicted, though the second cut is stable in the model.
+    assert margin == pytest.approx([2.0, 0.6], abs=CROSSING_TOLERANCE)
+    assert crossing == pytest.approx([-2.0, -0.6], abs=CROSSING_TOLERANCE)
+    assert margins(growth, curve, place)[0] == pytest.approx([REACH, -0.1], abs=CROSSING_TOLERANCE)
 
 
 def test_gaps_that_no_curve_is_steep_enough_to_hide_crossings_in_are_not_looked_into():
@@ -179,20 +193,42 @@ def test_cuts_that_share_a_crossing_follow_it_together():
     assert asked == [2, 1]
 
 
-def test_the_slope_of_a_leap_is_not_taken_for_that_of_a_model_that_hardly_differs():
-    def leaping(shift):
-        return lambda curve, place: np.where(place > 0.1 + shift, 0.3, -0.3) + 0.5 * (place - 0.1 - shift)
+def leaping(limit):
+    """Growth that leaps at a limit, where edges lose contact say."""
+    return lambda curve, place: np.where(place > limit, 0.3, -0.3) + 0.5 * (place - limit)
 
+
+@pytest.mark.parametrize("limit", 0.1 + 1e-4 * np.arange(7))
+def test_a_leap_is_bracketed_closely_and_followed_where_it_moves(limit):
     alone, place = np.zeros(1, dtype=int), np.zeros(1)
-    margin, crossing = margins(leaping(0.0), alone, place)
-    slope, left = crossing_lines(leaping(0.0), alone, place, crossing)
-    assert slope.tolist() == [np.inf]
-    # By a step along the leap itself it would stay where it was.
-    followed, after = followed_margins(leaping(-0.02), alone, place, margin, crossing, slope, left)
-    assert (followed[0], after[0]) == (
-        pytest.approx(-0.08, abs=CROSSING_TOLERANCE),
-        pytest.approx(0.08, abs=CROSSING_TOLERANCE),
-    )
+    known = margins(leaping(limit), alone, place)
+    assert known[1] == pytest.approx(limit, abs=LEAP_TOLERANCE)
+    lines = crossing_lines(leaping(limit), alone, place, known[1])
+    assert lines[0].tolist() == [np.inf]
+
+    def shifted(by):
+        return followed_margins(leaping(limit + by), alone, place, *known, *lines)
+
+    # A shift that leaves it within a thousandth is not seen; of any other nothing is lost.
+    for by in (0.0, 1e-5, -1e-5):
+        assert shifted(by)[1].tolist() == known[1].tolist()
+    for by in (2e-3, -2e-3, -0.02):
+        assert shifted(by)[1] == pytest.approx(limit + by, abs=LEAP_TOLERANCE)
+        assert shifted(by)[0] == pytest.approx(-limit - by, abs=LEAP_TOLERANCE)
+
+
+def test_where_answers_end_a_crossing_stays_as_a_leap_does():
+    alone, place = np.zeros(1, dtype=int), np.zeros(1)
+
+    def ending(limit):
+        return lambda curve, place: np.where(place > limit, np.nan, -0.1 + 0.0 * place)
+
+    known = margins(ending(0.1), alone, place)
+    lines = crossing_lines(ending(0.1), alone, place, known[1])
+    assert np.isinf(lines[0]).all()
+    assert followed_margins(ending(0.1), alone, place, *known, *lines)[1].tolist() == known[1].tolist()
+    moved = followed_margins(ending(0.13), alone, place, *known, *lines)
+    assert moved[1] == pytest.approx([0.13], abs=LEAP_TOLERANCE)
 
 
 def test_crossings_that_move_far_are_looked_for_anew():

@@ -145,9 +145,10 @@ def test_a_cut_without_an_answer_is_as_far_off_as_any():
     assert found["depth_margin"].count == 4
 
 
-def test_what_has_no_answer_is_off_by_ten_deviations_and_counted():
+def test_a_limit_without_an_answer_is_as_far_off_as_any_and_counted():
     found = judged_limits([0.1, np.nan], uncertainty=0.03)["limit_depth"]
-    assert (found.value, found.count, found.unanswered) == (pytest.approx(np.sqrt((0.1**2 + 0.3**2) / 2)), 2, 1)
+    assert (found.count, found.unanswered, found.at_least) == (2, 1, False)
+    assert found.value == pytest.approx(np.sqrt((0.1**2 + LIMIT_REACH**2) / 2))
     of_cuts = judged([STABLE, CHATTER, MARGINAL], [np.nan, 0.1, np.nan])
     assert {name: one.unanswered for name, one in of_cuts.items()} == {"outcome": 1, "depth_margin": 1, "log_loss": 2}
 

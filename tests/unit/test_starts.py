@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from chatter_core.effects import Scan
 from chatter_core.effects.variable_pitch import LOOKED_AT, WAVES, VariablePitch
 from chatter_core.evidence import CampaignModel, Comparison, base_model
 from chatter_core.evidence.candidates import Candidate, extended
@@ -47,7 +48,6 @@ def judged(new: Candidate, speeds, true):
     ids=[
         "little pitch",
         "much pitch",
-        "little pitch of few waves",
         "much pitch of few waves",
         "a weak mode",
         "a soft mode",
@@ -101,6 +101,10 @@ def test_pitches_lie_farther_apart_where_chatter_leaves_fewer_waves():
     assert scan.with_waves(0.5 * WAVES) == tuple(2.0 * one for one in LOOKED_AT if 2.0 * one <= LOOKED_AT[-1])
     assert scan.with_waves(2.0 * WAVES) == scan.with_waves(np.inf) == LOOKED_AT
     assert replace(scan, waves=None).with_waves(1.0) == LOOKED_AT
+    # Of values to both sides none goes beyond the outermost, and one is left however few waves there are.
+    of_two_sides = Scan(parameter="lag", values=(-0.3, -0.1, 0.1, 0.3), waves=10.0)
+    assert of_two_sides.with_waves(5.0) == (-0.2, 0.2)
+    assert scan.with_waves(0.1) == (LOOKED_AT[-1],)
 
 
 def test_waves_between_teeth_are_those_of_most_cuts_that_were_heard():
