@@ -99,7 +99,7 @@ def answer(folder: Path, *, frozen: bool = False) -> dict[str, Any]:
         check_enough(model)
         found = diagnose(None, model, PRIORS, Content())
         found = replace(found, intervals=intervals_of(None, found))
-    told = document(found, folder.name)
+    told = document(found, folder.name, given=None)
     # Model files hold the calibration of the two that count; that of a dozen others is nine tenths of a document.
     told["ranking"] = [{key: value for key, value in one.items() if key != "calibration"} for one in told["ranking"]]
     return {
