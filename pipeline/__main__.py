@@ -17,6 +17,8 @@ from pipeline.verbs import VERBS
 
 __all__ = ["VERBS", "main"]
 
+#: A signal that was lost comes again after so long [s].
+SOON = 0.1
 #: Word that asks for an MPI run: all its processes read it, and before anything else is done each has its part.
 MPI = "cluster=mpi"
 #: Words that ask for help wherever they stand, and for the version.
@@ -108,13 +110,25 @@ def _terminated_in_order() -> Iterator[None]:
             leave_terminal()
         raise Terminated(number)
 
+    def again(found: "sys.UnraisableHookArgs") -> None:
+        """End what goes on because a library that was called back has lost the exception, as a compiler may."""
+        if not isinstance(found.exc_value, Terminated):
+            hook(found)
+            return
+        signal.signal(found.exc_value.number, handle)
+        repeated = threading.Timer(SOON, signal.raise_signal, (found.exc_value.number,))
+        repeated.daemon = True
+        repeated.start()
+
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     before = {number: signal.signal(number, handle) for number in heard(signal.SIGTERM, signal.SIGHUP)}
+    hook, sys.unraisablehook = sys.unraisablehook, again
     try:
         yield
     finally:
+        sys.unraisablehook = hook
         for number, handler in before.items():
             signal.signal(number, handler)
 

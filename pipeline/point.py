@@ -22,6 +22,8 @@ from pipeline.locking import make_folder
 from pipeline.telling import complain, fact, say, wrote
 from pipeline.verbs.studies import PointOptions
 
+#: The part of the grid down to which limit depths are looked for.
+DEPTHS = "grid.axial_depth_mm"
 #: Modes kept on each axis of a spindle unless told otherwise.
 USUAL_MODES = 4
 
@@ -29,6 +31,7 @@ USUAL_MODES = 4
 def run(words: list[str]) -> int:
     """Answer one operating point; return the exit code."""
     sorted_words = words_for(PointOptions, words)
+    _check_grid(sorted_words.values)
     options = PointOptions.read(sorted_words.options)
     if "base" in sorted_words.options:
         beside = [f"{key}={said}" for key, said in sorted_words.options.items() if key == "modal_parameters"]
@@ -57,6 +60,15 @@ def run(words: list[str]) -> int:
         complain(f"no result at this point, status {answer['status']}: {answer['reason']}")
         return 1
     return 0
+
+
+def _check_grid(values: list[str]) -> None:
+    """Raise InvalidInput for keys of the grid that say nothing here: of it the depths alone do."""
+    keys = [word.partition("=")[0] for word in values]
+    foreign = [key for key in keys if key.startswith("grid.") and not key.startswith(f"{DEPTHS}.") and key != DEPTHS]
+    if foreign:
+        own = "spindle_speed_rpm, preload_n, modes and modal_parameters are options of their own"
+        raise InvalidInput([f"{key}: not for point, which takes {DEPTHS} alone; {own}" for key in foreign])
 
 
 def answer_point(

@@ -31,8 +31,13 @@ def _clear(prefix: str) -> None:
     """Remove folders whose file is there and not locked."""
     for folder in Path(gettempdir()).glob(f"{prefix}*"):
         # Of other users, without a file, or gone by now.
-        with suppress(OSError), (folder / HELD).open() as lock:
+        with suppress(OSError):
             if folder.is_symlink() or folder.stat().st_uid != os.getuid():
                 continue
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            shutil.rmtree(folder, ignore_errors=True)
+            # What others have put in the file's place is not waited for.
+            descriptor = os.open(folder / HELD, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW)
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(folder, ignore_errors=True)
+            finally:
+                os.close(descriptor)

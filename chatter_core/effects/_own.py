@@ -24,6 +24,8 @@ from chatter_core.tip import OVER_SPEED, TipModes
 if TYPE_CHECKING:
     from chatter_core.effects._base import Effect
 
+#: Waves between two teeth that a scan may be told for.
+MOST_WAVES = 1e6
 #: What an effect may be said to change.
 CHANGES = ("bearing", "modes", "cut")
 #: What the arrows of the chain may be called, and parameters: the machine itself is no arrow.
@@ -96,12 +98,19 @@ def _findings_of_scan(kind: "type[Effect]") -> Iterator[str]:
         yield f"scan: found {scan.parameter!r}; {nearest(str(scan.parameter), list(declared))}"
     elif not _is_tuple(scan.values) or not scan.values:
         yield f"scan: found {scan.values!r}, allowed: a tuple of values"
-    elif not (scan.waves is None or (isinstance(scan.waves, int | float) and scan.waves > 0.0)):
-        yield f"scan: waves: found {scan.waves!r}, allowed: a positive number"
+    elif not (scan.waves is None or _is_number_of_waves(scan.waves)):
+        yield f"scan: waves: found {scan.waves!r}, allowed: a number above 0, up to {MOST_WAVES:g}"
     else:
         one = declared[scan.parameter]
         beyond = [value for value in scan.values if not one.lower <= value <= one.upper]
         yield from (f"scan: found {value:g}, allowed: {one.lower:g} to {one.upper:g}" for value in beyond[:1])
+
+
+def _is_number_of_waves(found: object) -> bool:
+    # What is too large for a float is compared all the same.
+    if isinstance(found, bool) or not isinstance(found, int | float | np.integer):
+        return False
+    return bool(0.0 < found <= MOST_WAVES)
 
 
 def _findings_of_settings(kind: "type[Effect]") -> Iterator[str]:

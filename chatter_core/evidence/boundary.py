@@ -190,7 +190,9 @@ def _asides(model: CampaignModel, known: Belief) -> Iterator[tuple[int, Array, f
             continue
         aside, step = known.estimate.copy(), STEP * known.deviation[index]
         aside[index] += step if aside[index] + step <= parameter.upper else -step
-        yield index, aside, (aside[index] - known.estimate[index]) / known.deviation[index]
+        # A deviation that is lost in rounding is none.
+        if aside[index] != known.estimate[index]:
+            yield index, aside, (aside[index] - known.estimate[index]) / known.deviation[index]
 
 
 def _spread(slope: Array, correlation: Array) -> Array:

@@ -85,10 +85,10 @@ def _margin_deviation(model: CampaignModel, known: Belief, near: Prediction) -> 
         if parameter.touches != "measurement" and known.deviation[index] > 0.0:
             step = min(STEP * known.deviation[index], NEARBY * width[index])
             aside[index] += step if aside[index] + step <= parameter.upper else -step
-            moved = model.predict(aside, near, quantities=("outcome",)).margin
-            slopes.append((moved - near.margin) / (aside[index] - known.estimate[index]) * known.deviation[index])
-        else:
-            slopes.append(np.zeros_like(near.margin))
+        # A deviation that is lost in rounding is none.
+        change = aside[index] - known.estimate[index]
+        moved = model.predict(aside, near, quantities=("outcome",)).margin if change else near.margin
+        slopes.append((moved - near.margin) / (change or 1.0) * known.deviation[index])
     slope = np.stack(slopes)
     variance = np.einsum("it,ij,jt->t", slope, known.correlation, slope)
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)))

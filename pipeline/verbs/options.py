@@ -116,7 +116,7 @@ class Options(BaseModel):
     def _no_path(cls, name: str, value: str) -> list[str]:
         """Return what keeps a text from being a path: folders would be made that nobody meant."""
         if "://" in value:
-            instead = "; say store=ADDRESS for an object store" if "store" in cls.fields() else ""
+            instead = "; say store=ADDRESS for an object store" if name == "output" and "store" in cls.fields() else ""
             return [f"{name}: found the address {shown(value)}, allowed: a path on this machine{instead}"]
         depth = len(Path(value).parts)
         return [f"{name}: leads through {depth} folders, allowed: at most {DEEPEST}"] if depth > DEEPEST else []

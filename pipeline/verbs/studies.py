@@ -1,6 +1,8 @@
 """Verbs that compute: a grid, a design, a point, the paper's two studies."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import ClassVar, Literal
 
 from pydantic import Field
@@ -65,6 +67,9 @@ class PointOptions(BaseOptions):
         "point spindle_speed_rpm=3000 axial_depth_mm=2 'effects=[process_damping]'",
     )
     groups: ClassVar[tuple[str, ...]] = (*MACHINE, "grid", "method", "study")
+    instead: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {"mode_count": "not for point; say modes= for how many are kept on each axis"}
+    )
 
     spindle_speed_rpm: float = Field(gt=0, le=1e6, description="spindle speed")
     axial_depth_mm: float = Field(ge=1e-6, le=1e4, description="axial depth of cut")

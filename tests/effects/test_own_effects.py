@@ -160,6 +160,8 @@ def with_line(*lines: str) -> str:
         (with_line(f"scan: ClassVar[Any] = {SCAN}('los', (0.1,))"), r"mine.py: scan: found 'los'; did you mean loss"),
         (with_line(f"scan: ClassVar[Any] = {SCAN}('loss', ())"), r"mine.py: scan: found \(\), allowed: a tuple"),
         (with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1, 7.0))"), r"mine.py: scan: found 7, allowed: 0 to"),
+        (with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1,), 10**400)"), r"mine.py: scan: waves: found 1000"),
+        (with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1,), float('nan'))"), r"mine.py: scan: waves: found nan,"),
         (
             with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1,), 'ten')"),
             r"mine.py: scan: waves: found 'ten', allowed:",

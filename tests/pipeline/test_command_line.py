@@ -202,6 +202,14 @@ def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path
         (["sweep", "cluster=address", "cluster.address=nonsense"], ["found 'nonsense', allowed: tcp://host:port"]),
         (["point", "spindle_speed_rpm=9000", "axial_depth_mm=1", "modes=50"], ["modes: found 50, allowed at most 20"]),
         (
+            ["point", "spindle_speed_rpm=9000", "axial_depth_mm=1", "mode_count=3"],
+            ["mode_count: not for point; say modes="],
+        ),
+        (
+            ["point", "spindle_speed_rpm=9000", "axial_depth_mm=1", "grid.mode_count=1"],
+            ["grid.mode_count: not for point, which takes grid.axial_depth_mm alone"],
+        ),
+        (
             ["point", "spindle_speed_rpm=9000", "axial_depth_mm=1", "format=xml"],
             ["format: found 'xml', allowed: one of"],
         ),

@@ -1,9 +1,11 @@
 """Runs in trouble: Ctrl-C in a terminal or its end, a worker lost or all of them, a second run."""
 
+import ctypes
 import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -226,3 +228,19 @@ def test_a_second_signal_ends_a_run_at_once_with_its_own_code(number: int, monke
 
     monkeypatch.setattr("pipeline.template.run", twice)
     assert main(["template"]) == 128 + number
+
+
+def test_a_signal_that_a_library_loses_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is raised in a function that a compiler calls back goes no farther."""
+    callback = ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGTERM))
+    went_on = []
+
+    def lost(words: list[str]) -> int:
+        callback()
+        went_on.append(True)
+        threading.Event().wait(60.0)
+        return 0
+
+    monkeypatch.setattr("pipeline.template.run", lost)
+    assert main(["template"]) == 143
+    assert went_on

@@ -14,6 +14,7 @@ from pipeline.judging import DOCUMENTS
 from pipeline.locking import locked
 
 CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
+PAPER_CAMPAIGN = Path(__file__).parents[2] / "docs" / "examples" / "paper_campaign"
 SERIAL = "cluster=serial"
 #: Files of an answer to the campaign below.
 DIAGNOSED = {"diagnosis.json", "power.csv", "report.html", "model.yaml", "figures/ranking.png", "figures/power.png"}
@@ -53,6 +54,13 @@ def refused(capsys, *words):
 
 def files_in(folder):
     return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+
+
+def test_more_modes_than_a_machine_has_are_refused_by_the_word_that_asks_for_them(tmp_path, capsys):
+    output = tmp_path / "nothing"
+    said = refused(capsys, "compare", f"campaign={PAPER_CAMPAIGN}", "modes=50", f"output={output}")
+    assert said == "error: modes: found 50, allowed at most 20 for this spindle model\n"
+    assert not output.exists()
 
 
 @every_verb

@@ -57,6 +57,14 @@ def test_margins_scatter_and_probabilities_average_as_drawn_parameters_have_it()
     assert found.probability_chatter == pytest.approx(expected, abs=0.08)
 
 
+def test_a_deviation_that_rounding_loses_is_none():
+    model = base_model(planned_campaign(campaign(tip_machine()), plan()))
+    belief = narrow(model)
+    lost, none = (replace(belief, deviation=size * belief.deviation) for size in (1e-30, 0.0))
+    assert np.array_equal(predict_planned(model, lost).margin_deviation, predict_planned(model, none).margin_deviation)
+    assert np.array_equal(deviation(model, lost, 0, (8, 6), (4, 3)), deviation(model, none, 0, (8, 6), (4, 3)))
+
+
 def test_an_error_of_the_model_makes_boundaries_as_uncertain_as_drawn_ones():
     model, error = base_model(planned_campaign(campaign(tip_machine()), plan())), 0.15
     sure, doubted = (predict_planned(model, PRIORS.about(model).sure(), off) for off in (0.0, error))

@@ -1,5 +1,6 @@
 """What runs that were killed have left in the folder for temporary files is cleared away, and nothing else."""
 
+import os
 import signal
 import socket
 import subprocess
@@ -43,3 +44,11 @@ def test_folders_of_living_runs_of_other_hosts_and_of_nobody_known_are_kept(temp
     with scratch_folder() as first, scratch_folder() as second:
         assert {*temporary.iterdir()} == {first, second, elsewhere, unknown}
     assert {*temporary.iterdir()} == {elsewhere, unknown}
+
+
+def test_what_others_put_in_the_place_of_the_file_is_not_waited_for(temporary: Path) -> None:
+    folder = temporary / f"chatter-{socket.gethostname()}-1"
+    folder.mkdir()
+    os.mkfifo(folder / HELD)
+    with scratch_folder() as own:
+        assert own.is_dir()
