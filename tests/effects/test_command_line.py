@@ -95,7 +95,7 @@ def test_a_machine_without_bearings_is_told_so(capsys, tmp_path: Path):
         "process: {direction: down, radial_immersion: 0.4, feed_per_tooth_mm: 0.08}\n"
     )
     words = [word for word in POINT if not word.startswith("modes")]
-    assert main([*words, f"machine={described}", "grid.preload_n=null", "effects=[ring_expansion]"]) == 2
+    assert main([*words, f"machine={described}", "effects=[ring_expansion]"]) == 2
     assert "effects.ring_expansion: acts on spindle and bearing; this machine has measured" in capsys.readouterr().err
 
 
