@@ -58,8 +58,9 @@ def test_limit_depths_are_cuts_that_should_have_no_margin():
     comparison = Comparison(model=base_model(campaign(machine, limits=table)))
     found = comparison.compare(comparison.model.nulls)
     assert found.prediction.limit_margin == pytest.approx(np.full(3, np.log(1.02)), abs=2e-3)
+    # In deviations, each of which Student's t with 4 degrees of freedom takes for the root of 5/7.
     assert found.contributions["limit_depth"].coordinates[:, 0] == pytest.approx(
-        np.full(3, np.log(1.02) * 1.02 / 0.05), abs=0.05
+        np.full(3, np.sqrt(5.0 / 7.0) * np.log(1.02) * 1.02 / 0.05), abs=0.05
     )
     assert list(found.log_likelihoods) == ["limit_depth"]
 
