@@ -30,8 +30,9 @@ Composed = TypeVar("Composed", bound=Study)
 
 #: Parts of a machine, each a key at the root of the config and in a machine.yaml.
 MACHINE_KEYS = ("bearing", "spindle", "tip", "tool", "cutting", "process")
-#: Those of a machine that is built from its drawing; measured tip modes stand in their place.
+#: Those of a machine that is built from its drawing, and the machine in which measured tip modes stand in their place.
 BUILT_KEYS = ("bearing", "spindle")
+MEASURED_TIP = "a machine of measured tip modes, which has no bearing and spindle"
 #: Parts of the config that one kind of study has alone, and the verb that computes it.
 PARTS_OF_KINDS = {"grid": "sweep", "design": "dataset"}
 #: Option that names a folder with effects of the user's own. No yaml can: what it names is run.
@@ -178,6 +179,8 @@ def compose_settings(
                 [f"{words.machine_file}: {key}: unknown key; {nearest(key, list(MACHINE_KEYS))}" for key in foreign]
             )
         data |= {key: value for key, value in described.items() if key not in words.choices}
+        if described.get("tip") is not None and (chosen := [key for key in BUILT_KEYS if key in words.choices]):
+            raise InvalidInput([f"{key}={words.choices[key]}: has no meaning for {MEASURED_TIP}" for key in chosen])
     change(data)
     if words.name_the_preload and "grid" in data:
         # It takes the place of a shipped grid's list, which would hide it.
@@ -316,8 +319,7 @@ def _with_values(data: dict[str, Any], values: list[str]) -> dict[str, Any]:
     for word in values:
         key, _, text = word.partition("=")
         if key.partition(".")[0] in BUILT_KEYS and _has_measured_tip_alone(data):
-            modes = "a machine of measured tip modes, which has no bearing and spindle"
-            problems.append(f"{key}: has no meaning for {modes}")
+            problems.append(f"{key}: has no meaning for {MEASURED_TIP}")
             continue
         try:
             put(changed, key, load_value(text))

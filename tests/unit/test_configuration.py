@@ -74,6 +74,9 @@ def test_words_of_bearing_and_spindle_are_refused_by_name_beside_measured_tip_mo
         f"{word}: has no meaning for a machine of measured tip modes, which has no bearing and spindle"
         for word in words
     ]
+    assert problems("study=smoke", f"machine={tip_file}", "spindle=reference") == [
+        "spindle=reference: has no meaning for a machine of measured tip modes, which has no bearing and spindle"
+    ]
 
 
 @pytest.mark.parametrize(
