@@ -6,8 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from chatter_core.chain import structure
-from chatter_core.effects import REFERENCE_SPEED, Effect, effect_class
+from chatter_core.effects import Effect, effect_class
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Campaign, CampaignModel, Responses, base_model, read_campaign
 from chatter_core.evidence.belief import PRIORS, Belief
@@ -21,6 +20,7 @@ from chatter_core.tip import most_modes
 from pipeline import model_file
 from pipeline.configuration import EFFECTS_PATH, Words, compose_settings
 from pipeline.fitted_cuts import marks, seen
+from pipeline.modes import check_modes
 from pipeline.settings import Cluster, Settings
 from pipeline.shipped import EFFECTS
 from pipeline.telling import remark
@@ -105,7 +105,8 @@ def read(options: CampaignOptions, words: Words) -> Asked:
     else:
         content = _content_of(options, settings)
     model = model_of(campaign, content)
-    _check_modes(model, options.model)
+    asked = "modes" if options.model is None else f"{options.model}: modes"
+    check_modes(model.campaign.machine, model.available(model.cut_modes), asked)
     for term in model.terms:
         if isinstance(term, Effect):
             require(term, campaign)
@@ -126,21 +127,6 @@ def read(options: CampaignOptions, words: Words) -> Asked:
         unseen=unseen,
         cluster=settings.cluster,
     )
-
-
-def _check_modes(model: CampaignModel, given: Path | None) -> None:
-    """Raise InvalidInput where the machine has fewer modes than are asked for, or than a given model's file says."""
-    try:
-        # Whether it has hangs on no speed.
-        structure(model.campaign.machine, np.array([REFERENCE_SPEED]), mode_count=model.available(model.cut_modes))
-    except InvalidInput as error:
-        where = "" if given is None else f"{given}: "
-        # The chain speaks of mode_count, which is called modes here; what else it says is said of the model.
-        problems = [
-            f"{where}{one.removeprefix('mode_count: ')}" for one in error.problems if one.startswith("mode_count")
-        ]
-        if problems:
-            raise InvalidInput([one.replace("found", "modes: found", 1) for one in problems]) from None
 
 
 def _settings_of(words: Words, machine_file: Path) -> Settings:

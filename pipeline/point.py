@@ -19,6 +19,7 @@ from pipeline.answer_folder import write_text
 from pipeline.configuration import compose_settings, modal_parameters_of, words_for
 from pipeline.errors import told_where
 from pipeline.locking import make_folder
+from pipeline.modes import modes_called
 from pipeline.telling import complain, fact, say, wrote
 from pipeline.verbs.studies import PointOptions
 
@@ -44,11 +45,8 @@ def run(words: list[str]) -> int:
         machine = machine.with_preload(options.preload_n)
     if options.output is not None:
         make_folder(options.output)
-    try:
+    with modes_called("modes"):
         answer = answer_point(settings.model(machine), options, settings.method, depths_mm)
-    except InvalidInput as error:
-        # The chain speaks of mode_count, which is called modes here.
-        raise InvalidInput([problem.replace("mode_count:", "modes:", 1) for problem in error.problems]) from None
     fact(**answer)
     say(_readable(answer, options, _searched(depths_mm, options, answer["status"])[-1]))
     if options.output is not None:

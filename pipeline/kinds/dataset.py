@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from chatter_core.chain import structure
 from chatter_core.errors import InvalidInput
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import Machine
@@ -23,6 +22,7 @@ from pipeline.design import DatasetSettings, Description, Design, described, dra
 from pipeline.design.distributions import Choice
 from pipeline.kinds.kernels import function_of
 from pipeline.kinds.kind import Computed, Kind, status_of
+from pipeline.modes import check_modes
 from pipeline.places import DATASET as STORE
 from pipeline.places import Place
 from pipeline.progress import watched
@@ -85,7 +85,7 @@ class Dataset(Kind):
         Raises InvalidInput where a machine of the design cannot be.
         """
         design = settings.design
-        _check_modes(settings)
+        check_modes(settings.machine, design.mode_count, "design.mode_count")
         drawn = draw(design, settings.base)
         machines, cuts = drawn.cuts.shape[:2]
         of_machines = np.repeat(drawn.machines[:, None], cuts, axis=1)
@@ -162,21 +162,6 @@ def _model(description: Description, effects_path: Path | None) -> Stages:
     """Return the stages of a description; raises InvalidInput, or ValidationError of the machine."""
     machine = Machine.model_validate({key: value for key, value in description.items() if key != "effects"})
     return model_with(machine, description["effects"], effects_path)
-
-
-def _check_modes(settings: DatasetSettings) -> None:
-    """Raise InvalidInput where the machine as described has not the modes that are asked for.
-
-    Whether it has hangs on no speed, and hardly on what varies.
-    """
-    speed = settings.design.spindle_speed_rpm.points()[:1] * SUFFIXES["rpm"][0]
-    try:
-        structure(settings.machine, speed, mode_count=settings.design.mode_count)
-    except InvalidInput as error:
-        # The chain speaks of mode_count alone, whoever asks; what else it says is said of the machine that is drawn.
-        problems = [f"design.{problem}" for problem in error.problems if problem.startswith("mode_count:")]
-        if problems:
-            raise InvalidInput(problems) from None
 
 
 def _check(settings: DatasetSettings, numbers: np.ndarray) -> None:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from chatter_core.chain import structure_variables
-from chatter_core.errors import InvalidInput
 from chatter_core.floquet import MethodSettings
 from chatter_core.lobes import CROSSINGS, LobeBlock
 from chatter_core.machine import Machine
@@ -19,6 +18,7 @@ from chatter_core.variables import CELL_STATUS, STRUCTURE, SWEEP
 from pipeline.chunks import Chunk
 from pipeline.kinds.kernels import function_of
 from pipeline.kinds.kind import Computed, Kind, status_of
+from pipeline.modes import modes_called
 from pipeline.places import LOBES, Place
 from pipeline.settings import Settings, model_with
 
@@ -67,12 +67,8 @@ class Lobes(Kind):
         Raises InvalidInput where the machine has not the modes that the grid asks for.
         """
         values = coordinate_values(settings)
-        try:
+        with modes_called("grid.mode_count"):
             return values, _structure(settings, values), {}
-        except InvalidInput as error:
-            # The chain speaks of mode_count alone, whoever asks.
-            problems = [problem.replace("mode_count:", "grid.mode_count:", 1) for problem in error.problems]
-            raise InvalidInput(problems) from None
 
     def described(self, attributes: Mapping[str, Any], read: Callable[[str], np.ndarray]) -> Described:
         """Return what all chunks of a store share."""
