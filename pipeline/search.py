@@ -15,12 +15,11 @@ from chatter_core.evidence.comparison import Comparison
 from chatter_core.evidence.pursuit import (
     Ground,
     Prospect,
-    approached_from,
     ground,
     look,
-    most_promising,
     pursue,
     refit,
+    refit_from,
     stay,
 )
 from chatter_core.evidence.ranking import NOTHING, Ranked, rank
@@ -221,11 +220,13 @@ def _taken_over(base: Comparison, candidate: Candidate, nested: Ground, pair: Hy
 
 
 def _best_shape(workers: Workers | None, named: Hypothesis) -> Hypothesis:
-    """Return a hypothesis of one effect, fitted again from other shapes of it where one of them leads higher."""
+    """Return a hypothesis of one effect, fitted again from all other shapes of it where one of them leads higher.
+
+    All are climbed from, and at once to the end: where the posterior is rough neither what a place promises nor how far
+    one Jacobian leads from it says where a climb ends.
+    """
     others = other_shapes(named.comparison, named.fit.estimate, named.candidates[-1])
-    choice = Job(name=f"{named.name}, other shapes", call=partial(most_promising, named, others))
-    (starts,) = spread(workers, [choice]) if others else ([],)
-    jobs = [Job(name=f"{named.name}, from another shape", call=partial(approached_from, named, one)) for one in starts]
+    jobs = [Job(name=f"{named.name}, from another shape", call=partial(refit_from, named, one)) for one in others]
     again: list[Hypothesis] = spread(workers, jobs)
     return max([named, *again], key=lambda one: one.fit.log_posterior)
 

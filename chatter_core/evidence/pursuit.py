@@ -15,7 +15,6 @@ from chatter_core.evidence.newton import Climb, Maximum
 from chatter_core.evidence.parameters import Array, log_prior
 from chatter_core.evidence.starts import (
     AMPLITUDES,
-    CLIMBED,
     SMALLEST_PROMISE,
     Worth,
     chosen,
@@ -31,8 +30,6 @@ from chatter_core.evidence.unbent import at_rest, has_bent, unbent, unseen_start
 LEAST_GAIN = 1.0
 #: What is ranked need not be known better than this [nats].
 LEFT_GAIN = 0.01
-#: What comes so near to a fit that is known may end above it [nats].
-WORTH_AN_END = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -245,19 +242,6 @@ def _in_order(comparison: Comparison, nested: Ground) -> Array:
     return np.where(np.array(columns) >= 0, nested.slope[:, columns], 0.0)
 
 
-def most_promising(hypothesis: Hypothesis, starts: Sequence[Array]) -> list[Array]:
-    """Return the places (parameter,) for the last effect of a fitted hypothesis that promise most, the best first.
-
-    See docs/physics.md#diagnosis.
-    """
-    comparison, fit, own = hypothesis.comparison, hypothesis.fit, hypothesis.candidates[-1].term.parameters
-    climb, known = Climb(comparison, ~fit.fixed), slope_of(hypothesis)
-    added = np.array([parameter in own for parameter in comparison.parameters])
-    here = climb.stay(fit.estimate, known)
-    worth = Worth(climb, here, known, added)
-    return sorted(starts, key=lambda start: -worth.of(start))[:CLIMBED]
-
-
 def refit(hypothesis: Hypothesis, start: Fit) -> Hypothesis:
     """Fit a hypothesis again from the common parameters of another fit; the better one is returned.
 
@@ -266,18 +250,6 @@ def refit(hypothesis: Hypothesis, start: Fit) -> Hypothesis:
     See docs/physics.md#diagnosis.
     """
     return refit_from(hypothesis, carried(hypothesis.comparison, start))
-
-
-def approached_from(hypothesis: Hypothesis, start: Array) -> Hypothesis:
-    """Fit a hypothesis again from values (parameter,) that may lead nowhere; the better one is returned.
-
-    It is climbed to its end where it comes near what is known.
-
-    See docs/physics.md#diagnosis.
-    """
-    comparison, known = hypothesis.comparison, hypothesis.fit.log_posterior
-    end = Climb(comparison, ~hypothesis.fit.fixed).approach(start, START_GAIN, None, None, known)
-    return refit_from(hypothesis, end.values) if end.log_posterior > known - WORTH_AN_END else hypothesis
 
 
 def refit_from(hypothesis: Hypothesis, start: Array) -> Hypothesis:

@@ -5,7 +5,7 @@ import pytest
 
 from chatter_core.evidence import Comparison, base_model
 from chatter_core.evidence.candidates import Hypothesis
-from chatter_core.evidence.pursuit import fit_hypothesis, ground, most_promising, refit, stay
+from chatter_core.evidence.pursuit import fit_hypothesis, ground, refit, stay
 from chatter_core.evidence.ranking import NOTHING
 from pipeline.search import Singles, pairs_of, taken_over
 from tests.synthetic import campaign, measured, tip_machine, trials
@@ -79,15 +79,3 @@ def test_a_pair_whose_second_came_to_stand_at_its_null_is_not_fitted_again(named
     assert not standing.moved
     assert standing.fit.reason.startswith("not climbed")
     assert moved.fit.log_evidence > standing.fit.log_evidence + 2.0
-
-
-def test_places_are_sorted_by_what_they_promise(named):
-    _, first = named
-    place = [p.name for p in first.fit.parameters].index("process_damping.coefficient_n_m")
-    starts = []
-    for share in (0.0, 4.0, 1.0, 0.7):
-        start = first.fit.estimate.copy()
-        start[place] *= share
-        starts.append(start)
-    best = most_promising(first, starts)
-    assert [list(starts[number]) for number in (2, 3)] == [list(one) for one in best]
