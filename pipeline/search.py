@@ -36,7 +36,7 @@ RISEN, GROUNDS = 1.0, 2
 #: But for what stays so far behind the best all the same [nats]. What is of the cut alone and promises so much less
 #: than another has gained is not climbed from there either: of 41 such effects, on d01 to d06, climbs gained 23 nats at
 #: most beyond what was promised, and by 25 a verdict may hang on what is second.
-OUT_OF_REACH = 50.0
+OUT_OF_REACH = 48.0
 #: Effects of which pairs are tried, the most probable, and second effects that are fitted beside each, those that
 #: promise most; beside one that suffices, of those that promise so much [nats].
 FIRSTS, SECONDS, SEEN = 2, 4, 2.0
