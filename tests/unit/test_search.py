@@ -1,5 +1,7 @@
 """The search for single effects: what cannot come near the best any more is not climbed, or looked at again."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -104,3 +106,19 @@ def test_what_was_not_climbed_is_looked_at_again_for_what_it_promised(base, monk
     monkeypatch.setattr(search, "OUT_OF_REACH", 20.0)
     search.singles(None, base, CANDIDATES)
     assert asked == [[True, True, True], [True, True, False]]
+
+
+@pytest.mark.parametrize(("highest", "end"), [(36.0, 36.0), (0.0, 0.0)])
+def test_all_other_shapes_of_what_is_named_are_climbed_from(base, monkeypatch, highest, end):
+    named = pursuit.stay(base.comparison, [candidate("tool_runout")], pursuit.ground(base))
+    phase = [p.name for p in named.fit.parameters].index("tool_runout.phase_deg")
+    starts = []
+
+    def climbed(hypothesis, start):
+        starts.append(start)
+        height = named.fit.log_posterior + (1.0 if start[phase] == highest else -1.0)
+        return replace(hypothesis, fit=replace(hypothesis.fit, estimate=start, log_posterior=height))
+
+    monkeypatch.setattr(search, "refit_from", climbed)
+    assert search._best_shape(None, named).fit.estimate[phase] == end
+    assert [start[phase] for start in starts] == [-72.0, -36.0, 36.0, 72.0]
