@@ -118,16 +118,20 @@ def _beside(
 
 
 def arrived(workers: Workers | None, found: Singles) -> Singles:
-    """Return the single effects, the most probable where neither another shape nor a profile leads above it.
+    """Return the single effects where no other shape leads above those that are not ruled out, nor a profile the first.
 
-    The base model gets the same chance to arrive as what is held against it.
+    What is tied with the most probable gets the same chance to arrive as that, and the base model the same as what is
+    held against it.
     """
-    first = found.ranking[0].best
-    again, limits = profiled(workers, _best_shape(workers, first))
-    if again is first:
-        return replace(found, intervals=limits)
-    fitted = [again if one is first else one for one in found.fitted]
-    return Singles(base=refit(found.base, again.fit), fitted=fitted, intervals=limits)
+    likely = [one.best for one in not_ruled_out(found.ranking) if one.name != NOTHING]
+    again = dict(zip(map(id, likely), _best_shapes(workers, likely), strict=True))
+    shaped = replace(found, fitted=[again.get(id(one), one) for one in found.fitted])
+    first = shaped.ranking[0].best
+    named, limits = profiled(workers, first)
+    fitted = [named if one is first else one for one in shaped.fitted]
+    settled = all(now is before for now, before in zip(fitted, found.fitted, strict=True))
+    base = found.base if settled else refit(found.base, named.fit)
+    return Singles(base=base, fitted=fitted, intervals=limits)
 
 
 def pairs_of(
@@ -219,16 +223,21 @@ def _taken_over(base: Comparison, candidate: Candidate, nested: Ground, pair: Hy
     return at_null if pair is None else refit(at_null, pair.fit)
 
 
-def _best_shape(workers: Workers | None, named: Hypothesis) -> Hypothesis:
-    """Return a hypothesis of one effect, fitted again from all other shapes of it where one of them leads higher.
+def _best_shapes(workers: Workers | None, likely: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return hypotheses of one effect, each fitted again from all other shapes of it where one of them leads higher.
 
     All are climbed from, and at once to the end: where the posterior is rough neither what a place promises nor how far
     one Jacobian leads from it says where a climb ends.
     """
-    others = other_shapes(named.comparison, named.fit.estimate, named.candidates[-1])
-    jobs = [Job(name=f"{named.name}, from another shape", call=partial(refit_from, named, one)) for one in others]
-    again: list[Hypothesis] = spread(workers, jobs)
-    return max([named, *again], key=lambda one: one.fit.log_posterior)
+    others = [other_shapes(one.comparison, one.fit.estimate, one.candidates[-1]) for one in likely]
+    jobs = [
+        Job(name=f"{one.name}, from another shape", call=partial(refit_from, one, start))
+        for one, starts in zip(likely, others, strict=True)
+        for start in starts
+    ]
+    again = iter(spread(workers, jobs))
+    found = [[one, *(next(again) for _ in starts)] for one, starts in zip(likely, others, strict=True)]
+    return [max(of_one, key=lambda one: one.fit.log_posterior) for of_one in found]
 
 
 def _higher(before: Sequence[Hypothesis], now: list[Hypothesis]) -> list[Hypothesis]:

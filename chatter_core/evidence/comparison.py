@@ -85,11 +85,12 @@ class Comparison(ShownAsCard):
         return replace(self, quantities=kept) if jumps and kept and kept != self.quantities else None
 
     @cached_property
-    def _facts(self) -> tuple[tuple[float, float], ...]:
-        """Independent numbers and measuring range [m/N] of each response."""
+    def _weights_and_ranges(self) -> list[tuple[float, float]]:
+        """Weight of each line and measuring range [m/N] of every response."""
         responses = self.model.campaign.receptances
-        pairs = zip(responses, measuring_ranges(responses), strict=True)
-        return tuple((likelihood.facts(one.value, largest), largest) for one, largest in pairs)
+        ranges = measuring_ranges(responses)
+        weights = likelihood.line_weights([one.value for one in responses], ranges)
+        return list(zip(weights, ranges, strict=True))
 
     def compare(self, values: Array, near: Prediction | None = None) -> Compared:
         """Predict at values (parameter,) and return what every measured quantity says of it.
@@ -142,18 +143,18 @@ class Comparison(ShownAsCard):
         if heard.any():
             measured = trials.chatter_frequency[heard]
             frequency, spacing, share = prediction.motions(heard)
-            residual = likelihood.frequency_residual(measured[:, None], frequency, spacing)
+            residual = likelihood.to_lines(measured[:, None], frequency, spacing)
             scale = likelihood.frequency_scale(measured, prediction.margin[heard])
-            found["chatter_frequency"] = likelihood.chatter_frequency(residual, share, scale, spacing[:, 0])
+            found["chatter_frequency"] = likelihood.chatter_frequency(residual, share, scale, spacing)
         return found
 
     def _of_receptances(self, prediction: Prediction) -> dict[str, Contribution]:
         """Return what all responses say, one after the other."""
         if not prediction.receptances:
             return {}
-        pairs = zip(self.model.campaign.receptances, prediction.receptances, self._facts, strict=True)
+        pairs = zip(self.model.campaign.receptances, prediction.receptances, self._weights_and_ranges, strict=True)
         law = likelihood.receptance_by_size if self.by_size else likelihood.receptance
-        parts = [law(measured.value, predicted, *facts) for measured, predicted, facts in pairs]
+        parts = [law(measured.value, predicted, *known) for measured, predicted, known in pairs]
         return {
             "receptance": Contribution(
                 log_density=np.concatenate([part.log_density for part in parts]),

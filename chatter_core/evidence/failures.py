@@ -171,9 +171,9 @@ def _frequencies(campaign: Campaign, trials: Trials, compared: Compared) -> Iter
         return
     measured = trials.chatter_frequency[which]
     frequency, spacing, share = compared.prediction.motions(np.isfinite(trials.chatter_frequency))
-    residual = likelihood.frequency_residual(measured[:, None], frequency, spacing)
+    residual = likelihood.to_lines(measured[:, None], frequency, spacing)
     scale = likelihood.frequency_scale(measured, compared.prediction.margin[which])
-    apart, tooth_passing = np.abs(likelihood.heard_motion(residual, share, scale)[0]), spacing[:, 0]
+    apart, tooth_passing = np.abs(likelihood.heard_motion(residual, share, scale, spacing)[0]), spacing[:, 0]
     far = stats.t.ppf(1.0 - 0.5 * IMPROBABLE, likelihood.FREQUENCY_FREEDOM) * scale
     elsewhere = likelihood.FREQUENCY_ELSEWHERE * np.clip(1.0 - 2.0 * far / tooth_passing, 0.0, 1.0)
     yield _Data(

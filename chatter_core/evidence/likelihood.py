@@ -4,11 +4,12 @@ Every function returns log densities of single data, so that it can be told wher
 model cannot answer is never left out, which would reward it: such a datum counts as far off.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit, gammaln, logsumexp
+from scipy.special import expit, gammaln, stdtr
 
 from chatter_core.evidence.measured import OUTCOMES
 
@@ -24,8 +25,9 @@ FACTS_OF_A_PEAK = 4.0
 #: Chatter frequency: share of itself, for reading it, and the least [rad/s]; and the share by which it drifts as
 #: chatter grows, for teeth that leave the cut cut less, times the margin in ln(depth).
 FREQUENCY_SHARE, FREQUENCY_FLOOR, FREQUENCY_DRIFT = 0.005, 2.0 * np.pi * 3.0, 0.025
-#: Degrees of freedom of its distribution; share of those that belong to another branch of multipliers.
-FREQUENCY_FREEDOM, FREQUENCY_ELSEWHERE = 4.0, 0.1
+#: Degrees of freedom of its distribution; share of those that belong to another branch of multipliers. So many lines to
+#: either side of the nearest count one by one, those farther off as if spread evenly.
+FREQUENCY_FREEDOM, FREQUENCY_ELSEWHERE, NEIGHBOURS = 4.0, 0.1, 3
 #: Degrees of freedom of a limit depth's: beside a lobe's peak a resonance that is slightly off is off by a factor.
 LIMIT_FREEDOM = 4.0
 #: Standard deviations of the logarithm: natural frequency, damping ratio, stiffness of a single bearing.
@@ -90,8 +92,8 @@ def outcome(outcome: NDArray[np.int8], probability: Array) -> Contribution:
     return Contribution(log_density=np.log(seen), coordinates=2.0 * np.sqrt(probability), score=score)
 
 
-def frequency_residual(measured: Array, predicted: Array, spacing: Array) -> Array:
-    """Return measured minus predicted chatter frequency, to the nearest line of its motion, of one shape [rad/s].
+def to_lines(measured: Array, predicted: Array, spacing: Array) -> Array:
+    """Return measured minus predicted chatter frequency, to the nearest line of either sign (..., sign) [rad/s].
 
     A motion with multiplier angle w T has lines at |w + j Omega| for every whole j, at both signs of w, and a
     measurement may show any of them as the strongest. An unknown prediction is off by half the line spacing.
@@ -99,8 +101,17 @@ def frequency_residual(measured: Array, predicted: Array, spacing: Array) -> Arr
     See docs/physics.md#likelihoods.
     """
     distance = [(measured - sign * predicted + 0.5 * spacing) % spacing - 0.5 * spacing for sign in (1, -1)]
-    nearest = np.where(np.abs(distance[0]) <= np.abs(distance[1]), *distance)
-    return np.asarray(np.where(np.isnan(predicted), 0.5 * spacing, nearest))
+    return np.stack([np.where(np.isnan(predicted), 0.5 * spacing, one) for one in distance], axis=-1)
+
+
+def frequency_residual(measured: Array, predicted: Array, spacing: Array) -> Array:
+    """Return measured minus predicted chatter frequency, to the nearest line of its motion, of one shape [rad/s].
+
+    See docs/physics.md#likelihoods.
+    """
+    residual = to_lines(measured, predicted, spacing)
+    nearest = np.abs(residual).argmin(axis=-1)[..., None]
+    return np.asarray(np.take_along_axis(residual, nearest, axis=-1)[..., 0])
 
 
 def frequency_scale(measured: Array, margin: Array) -> Array:
@@ -112,40 +123,56 @@ def frequency_scale(measured: Array, margin: Array) -> Array:
     return np.asarray(np.sqrt(((FREQUENCY_SHARE**2 + drift**2) * measured**2) + FREQUENCY_FLOOR**2))
 
 
-def heard_motion(residual: Array, share: Array, scale: Array) -> tuple[Array, Array]:
-    """Return residual (trial,) and log density (trial,) of the motion that was heard, most probably.
+def wrapped_student(residual: Array, scale: Array, spacing: Array) -> tuple[Array, Array]:
+    """Return the density of a residual to the nearest of evenly spaced lines, and its slope, all of one shape.
 
-    residual, share: (trial, motion), of each motion that grows, and how much of all growth is its own: any of them may
-    be the loudest; scale: (trial,) [rad/s]. The density is that of all together.
+    Any of the lines may have been heard, so the density integrates to one over a spacing.
 
     See docs/physics.md#likelihoods.
     """
-    width, freedom = scale[:, None], FREQUENCY_FREEDOM
-    normaliser = gammaln(0.5 * (freedom + 1.0)) - gammaln(0.5 * freedom) - 0.5 * np.log(freedom * np.pi)
-    student = normaliser - np.log(width) - 0.5 * (freedom + 1.0) * np.log1p((residual / width) ** 2 / freedom)
-    with np.errstate(divide="ignore"):
-        each = np.log(share) + student
-    most = each.argmax(axis=1)[:, None]
-    return np.take_along_axis(residual, most, axis=1)[:, 0], logsumexp(each, axis=1)
+    freedom, lines = FREQUENCY_FREEDOM, np.arange(-NEIGHBOURS, NEIGHBOURS + 1)
+    peak = np.exp(gammaln(0.5 * (freedom + 1.0)) - gammaln(0.5 * freedom)) / np.sqrt(freedom * np.pi) / scale
+    standard = (residual[..., None] + spacing[..., None] * lines) / scale[..., None]
+    each = peak[..., None] * (1.0 + standard**2 / freedom) ** (-0.5 * (freedom + 1.0))
+    slope = -(freedom + 1.0) * each * standard / (freedom + standard**2) / scale[..., None]
+    farther = 2.0 * stdtr(freedom, -(NEIGHBOURS + 0.5) * spacing / scale) / spacing
+    return each.sum(axis=-1) + farther, slope.sum(axis=-1)
 
 
-def chatter_frequency(residual: Array, share: Array, scale: Array, tooth_passing: Array) -> Contribution:
+def heard_motion(residual: Array, share: Array, scale: Array, spacing: Array) -> tuple[Array, Array, Array]:
+    """Return residual (trial,) to the line that was heard most probably, the density of all lines, and its slope by it.
+
+    residual: (trial, motion, sign), of each motion that grows to the nearest line of either sign, as ``to_lines`` has
+    it; share: (trial, motion), how much of all growth is its own: any of them may be the loudest; scale: (trial,);
+    spacing: (trial, motion) [rad/s], the first that of the teeth: of lines that lie closer each is so much less likely.
+    Where the heard line moves that of the other sign moves as far to the other side.
+
+    See docs/physics.md#likelihoods.
+    """
+    apart, width = (np.broadcast_to(one, residual.shape) for one in (spacing[:, :, None], scale[:, None, None]))
+    density, slope = wrapped_student(residual, width, apart)
+    weight, trial = (0.5 * share * spacing / spacing[:, :1])[:, :, None], np.arange(len(residual))
+    motion, sign = np.unravel_index((weight * density).reshape(len(residual), -1).argmax(axis=1), residual.shape[1:])
+    own = (weight * slope)[trial, motion]
+    together = (weight * density).sum(axis=(1, 2))
+    return residual[trial, motion, sign], together, own[trial, sign] - own[trial, 1 - sign]
+
+
+def chatter_frequency(residual: Array, share: Array, scale: Array, spacing: Array) -> Contribution:
     """Return what chatter frequencies say: Student-t, for saturated chatter departs from theory.
 
-    residual, share, scale: as for ``heard_motion``; tooth_passing: (trial,) [rad/s]. One in ten lies anywhere between
-    two lines, and a single label of a branch must not outweigh all other data.
+    residual, share, scale, spacing: as for ``heard_motion``. One in ten lies anywhere between two lines of the teeth,
+    and a single label of a branch must not outweigh all other data.
 
     See docs/physics.md#likelihoods.
     """
     freedom, elsewhere = FREQUENCY_FREEDOM, FREQUENCY_ELSEWHERE
-    heard, nearby = heard_motion(residual, share, scale)
-    density = np.logaddexp(np.log1p(-elsewhere) + nearby, np.log(elsewhere / tooth_passing))
+    heard, nearby, slope = heard_motion(residual, share, scale, spacing)
+    density = (1.0 - elsewhere) * nearby + elsewhere / spacing[:, 0]
     # Expected information of a location: (freedom + 1) / (freedom + 3) over the scale squared, for those that tell it.
-    unit = np.sqrt((1.0 - elsewhere) * (freedom + 1.0) / (freedom + 3.0))
-    standard = heard / scale
-    # Near the motion that was heard the others hardly add to the density.
-    score = -np.exp(np.log1p(-elsewhere) + nearby - density) * (freedom + 1.0) * standard / (freedom + standard**2)
-    return Contribution(log_density=density, coordinates=unit * standard[:, None], score=score[:, None] / unit)
+    unit = np.sqrt((1.0 - elsewhere) * (freedom + 1.0) / (freedom + 3.0)) / scale
+    score = (1.0 - elsewhere) * slope / density
+    return Contribution(log_density=np.log(density), coordinates=(unit * heard)[:, None], score=(score / unit)[:, None])
 
 
 def line_errors(value: ComplexArray, largest: float) -> Array:
@@ -161,31 +188,72 @@ def facts(value: ComplexArray, largest: float) -> float:
 
     Neighbouring lines repeat each other: a resonance is four numbers, over however many lines it spreads. With
     u = H / error, the number of resonances that stand out of the errors is the width over which u is large,
-    (sum |u|^2)^2 / sum |u|^4 lines, over the length along which it is like itself, the sum of its
-    autocorrelation up to its first zero, to both sides. Were the error the same on every line, either would be
-    pi B for a single resonance of half-power bandwidth B. Never more than the numbers that were measured. What does
-    not stand out of the noise holds nothing; largest: the measuring range [m/N].
+    (sum |u|^2)^2 / sum |u|^4 lines, over the length along which it is like itself, ``line_weight``. Were the error the
+    same on every line, either would be pi B for a single resonance of half-power bandwidth B. Never more than the
+    numbers that were measured; of what does not stand out of the noise as many as of one peak; largest: the measuring
+    range [m/N].
 
     See docs/physics.md#likelihoods.
     """
-    if len(value) < 2:
-        return 2.0 * len(value)
-    # Of so many lines of noise, each the square of two normal numbers, one is larger than this by chance.
-    loud = np.abs(value) > np.sqrt(2.0 * np.log(len(value))) * line_errors(value, largest)
-    if not loud.any():
-        return float(min(FACTS_OF_A_PEAK, 2.0 * len(value)))
-    signal = np.where(loud, value, 0.0) / line_errors(value, largest)
-    power = np.abs(signal) ** 2
-    alike = np.fft.ifft(np.abs(np.fft.fft(signal, 2 * len(value))) ** 2)[: len(value)].real / power.sum()
+    power = np.abs(_standing_out(value, largest)) ** 2
+    weight, measured = line_weight(value, largest), 2.0 * len(value)
+    if np.isnan(weight):
+        return min(FACTS_OF_A_PEAK, measured)
+    wide = power.sum() ** 2 / (power**2).sum()
+    return float(min(max(2.0 * weight * wide, FACTS_OF_A_PEAK), measured))
+
+
+def line_weight(value: ComplexArray, largest: float) -> float:
+    """Return how much of an independent one each line of a measured response (line,) is; NaN where none stands out.
+
+    Along the length over which u = H / error is like itself, the sum of its autocorrelation up to its first zero, to
+    both sides, lines hold FACTS_OF_A_PEAK numbers together. So what a peak weighs does not hang on how far beside it
+    was measured, nor how closely; largest: the measuring range [m/N].
+
+    See docs/physics.md#likelihoods.
+    """
+    signal = _standing_out(value, largest)
+    if not signal.any():
+        return float("nan")
+    alike = np.fft.ifft(np.abs(np.fft.fft(signal, 2 * len(value))) ** 2)[: len(value)].real
     # Beyond its first zero the correlation is that of other resonances.
     ends = np.flatnonzero(alike <= 0.0)
-    length = 2.0 * alike[: ends[0] if len(ends) else len(value)].sum() - 1.0
-    peaks = power.sum() ** 2 / (power**2).sum() / length
-    return float(min(FACTS_OF_A_PEAK * max(peaks, 1.0), 2.0 * len(value)))
+    length = 2.0 * alike[: ends[0] if len(ends) else len(value)].sum() / alike[0] - 1.0
+    return float(min(0.5 * FACTS_OF_A_PEAK / length, 1.0))
 
 
-def receptance(measured: ComplexArray, predicted: ComplexArray, independent: float, largest: float) -> Contribution:
-    """Return what the lines (line,) of a response say, weighted to weigh ``independent`` numbers together.
+def line_weights(values: Sequence[ComplexArray], largest: Sequence[float]) -> list[float]:
+    """Return the weight of each line of every response.
+
+    One that shows nothing but noise is as wide as the widest peaks of all others, or one peak altogether.
+
+    See docs/physics.md#likelihoods.
+    """
+    found = [line_weight(value, top) for value, top in zip(values, largest, strict=True)]
+    least = min((weight for weight in found if not np.isnan(weight)), default=np.nan)
+    one_peak = [min(0.5 * FACTS_OF_A_PEAK / len(value), 1.0) for value in values]
+    silent = one_peak if np.isnan(least) else [least] * len(values)
+    return [other if np.isnan(weight) else weight for weight, other in zip(found, silent, strict=True)]
+
+
+def stands_out(value: ComplexArray, largest: float) -> NDArray[np.bool_]:
+    """Return which lines (line,) of a response noise alone hardly makes; largest: the measuring range [m/N].
+
+    See docs/physics.md#likelihoods.
+    """
+    # Of so many lines of noise, each the square of two normal numbers, one is larger than this by chance.
+    least = np.sqrt(2.0 * np.log(max(len(value), 2)))
+    return np.asarray(np.abs(value) > least * line_errors(value, largest))
+
+
+def _standing_out(value: ComplexArray, largest: float) -> ComplexArray:
+    """Return a response (line,) in standard deviations where it stands out, else 0."""
+    loud = stands_out(value, largest)
+    return np.divide(value, line_errors(value, largest), out=np.zeros(len(value), dtype=complex), where=loud)
+
+
+def receptance(measured: ComplexArray, predicted: ComplexArray, weight: float, largest: float) -> Contribution:
+    """Return what the lines (line,) of a response say, each with the weight that ``line_weight`` has.
 
     An unknown prediction counts as a tip that does not move; largest: the measuring range [m/N].
 
@@ -193,15 +261,12 @@ def receptance(measured: ComplexArray, predicted: ComplexArray, independent: flo
     """
     error = line_errors(measured, largest)
     residual = (measured - np.where(np.isnan(predicted), 0.0, predicted)) / error
-    weight = independent / (2.0 * len(residual))
     density = -0.5 * np.abs(residual) ** 2 - np.log(2.0 * np.pi * error**2)
     parts = np.sqrt(weight) * np.stack([residual.real, residual.imag], axis=-1)
     return Contribution(log_density=weight * density, coordinates=parts, score=-parts)
 
 
-def receptance_by_size(
-    measured: ComplexArray, predicted: ComplexArray, independent: float, largest: float
-) -> Contribution:
+def receptance_by_size(measured: ComplexArray, predicted: ComplexArray, weight: float, largest: float) -> Contribution:
     """Return what the logarithms of a response's size (line,) say, roughly, weighted like ``receptance``.
 
     Where a predicted resonance lies beside the measured one, its distance shows from afar, as that of the responses
@@ -212,7 +277,6 @@ def receptance_by_size(
     floor = FLOOR_ERROR * largest
     sizes = (np.log(np.abs(value) + floor) for value in (measured, np.where(np.isnan(predicted), 0.0, predicted)))
     residual = np.subtract(*sizes) / SIZE_ERROR
-    weight = independent / (2.0 * len(residual))
     parts = np.sqrt(weight) * residual[:, None]
     return Contribution(log_density=-0.5 * weight * residual**2, coordinates=parts, score=-parts)
 

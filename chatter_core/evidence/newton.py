@@ -41,8 +41,9 @@ LENGTHS = (1.0, 2.0, 4.0, 8.0)
 WORTH_LENGTHENING = 1.35
 #: A coordinate that a step changes by so much more or less than foreseen has jumped [standard deviations].
 MISSED = 3.0
-#: An approach gives up after so many steps in a row that fall, each so much shorter than the one before.
-FALLS, SHORTER = 4, 0.3
+#: An approach gives up after so many steps in a row that fall, each so much shorter than the one before, and where with
+#: one Jacobian so many together gain less than one has to promise.
+FALLS, SHORTER, SLOW = 4, 0.3, 5
 #: No step moves a parameter farther than this, in widths of its prior.
 LONGEST_STEP = 2.0
 MOST_STEPS = 40
@@ -150,6 +151,17 @@ class Climb:
         added: NDArray[np.bool_] | None = None,
         least: float = -np.inf,
     ) -> Maximum:
+        """Return where ``approach_from`` leads from values (parameter,)."""
+        return self.approach_from(self.place(start), smallest_gain, known, added, least)
+
+    def approach_from(
+        self,
+        here: Place,
+        smallest_gain: float,
+        known: Array | None = None,
+        added: NDArray[np.bool_] | None = None,
+        least: float = -np.inf,
+    ) -> Maximum:
         """Climb to near a maximum, where a step promises less than ``smallest_gain`` [nats], with one Jacobian.
 
         known: Jacobian (coordinate, parameter) not far from the start, in units of the priors' widths; ``added``:
@@ -157,10 +169,12 @@ class Climb:
         Jacobian is corrected by what every step shows, and found anew where steps fall. What then promises to end below
         ``least`` is given up.
         """
-        here, damping, falls = self.place(start), DAMPING, 0
+        damping, falls, heights = DAMPING, 0, [here.height]
         jacobian = self._jacobian(here, known, added)
         length, blind, anew = 1.0, False, False
         for _ in range(MOST_STEPS):
+            if len(heights) > SLOW and here.height - heights[-1 - SLOW] < smallest_gain:
+                break
             gradient, information = self.expected(here.values, here.evaluation, jacobian)
             moving = self.free & ~self._held(here.values, gradient)
             step, gain = _step(gradient, information, moving, damping)
@@ -171,14 +185,17 @@ class Climb:
                     break
                 # What jumped has no slope: nothing is promised by data that were not asked.
                 jacobian, blind = self.derivatives(here.values, here.evaluation, self.width)[0], False
+                heights = [here.height]
                 continue
             there = self._aside(here, step * self.width, length)
             risen = there.height > here.height
+            heights.append(max(here.height, there.height))
             falls = 0 if risen else falls + 1
             if falls == FALLS:
                 break
             if falls == FALLS - 1:
                 jacobian, length, anew = self.derivatives(here.values, here.evaluation, self.width)[0], 1.0, True
+                heights = [here.height]
                 continue
             anew = False
             shift = (there.values - here.values) / self.width

@@ -11,7 +11,7 @@ from chatter_core.evidence.calibration import START_GAIN
 from chatter_core.evidence.candidates import Candidate, Hypothesis, carried, extended, slope_of
 from chatter_core.evidence.comparison import Comparison
 from chatter_core.evidence.fit import Fit, free_parameters, maximise, result
-from chatter_core.evidence.newton import Climb, Maximum
+from chatter_core.evidence.newton import Climb, Maximum, Place
 from chatter_core.evidence.parameters import Array, log_prior
 from chatter_core.evidence.starts import (
     AMPLITUDES,
@@ -178,9 +178,9 @@ def pursue(prospect: Prospect) -> Hypothesis:
     still = smooth.posterior(found.values)[0]
     for start in chosen(comparison, prospect.candidates[-1], prospect.starts):
         ahead = smooth.approach(start, START_GAIN, known[rows], added, still)
-        if not _leads_on(prospect, ahead, still):
-            continue
-        found = _higher(found, climb.approach(ahead.values, START_GAIN, known, added, found.log_posterior))
+        there = climb.place(ahead.values)
+        if _leads_on(prospect, ahead, there, still):
+            found = _higher(found, climb.approach_from(there, START_GAIN, known, added, found.log_posterior))
     if prospect.nested.misheard:
         for start in unseen_starts(comparison, prospect.at_null.values, prospect.candidates[-1]):
             found = _higher(found, climb.approach(start, START_GAIN, None, None, found.log_posterior))
@@ -214,15 +214,15 @@ def _smooth(climb: Climb) -> Climb:
     return Climb(comparison.smooth or comparison, climb.free)
 
 
-def _leads_on(prospect: Prospect, ahead: Maximum, still: float) -> bool:
+def _leads_on(prospect: Prospect, ahead: Maximum, there: Place, still: float) -> bool:
     """Return whether an effect has gained anything where a climb by the smooth data alone has ended.
 
-    Of those, or of all, and more than they gain by such a climb without it; still: the height of the smooth data with
-    the effect at its null.
+    Of those, or of all, and more than they gain by such a climb without it; there: the same place by all data; still:
+    the height of the smooth data with the effect at its null.
     """
-    nested, there = prospect.nested, prospect.climb.posterior(ahead.values)[0]
+    nested = prospect.nested
     smooth = ahead.log_posterior - still - nested.smooth_gain
-    whole = there - prospect.at_null.log_posterior - nested.whole_gain
+    whole = there.height - prospect.at_null.log_posterior - nested.whole_gain
     return max(smooth, whole) > LEAST_GAIN
 
 

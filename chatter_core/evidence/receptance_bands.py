@@ -37,32 +37,41 @@ class Misfit:
 def misfits(campaign: Campaign, prediction: Prediction) -> list[Misfit]:
     """Return the bands of all responses in which measured and predicted differ by more than noise.
 
-    A band around a mode reaches halfway to its neighbours, and is judged as far as it was measured, for a peak may
-    stand where the model has none. It holds FACTS_OF_A_PEAK independent numbers. Along an axis for which the model has
-    no modes all lines are one band.
+    A band around a mode reaches halfway to its neighbours, and is judged where measured or predicted stands out of the
+    noise, for a peak may stand where the model has none, and silence beside it says nothing. Lines weigh as they do in
+    a fit. Along an axis for which the model has no modes all lines are one band.
 
     See docs/physics.md#comparison.
     """
+    responses, ranges = campaign.receptances, measuring_ranges(campaign.receptances)
+    weights = likelihood.line_weights([one.value for one in responses], ranges)
     bands = [
-        (measured, largest, predicted, mode, lines)
-        for measured, largest, predicted in zip(
-            campaign.receptances, measuring_ranges(campaign.receptances), prediction.receptances, strict=True
-        )
-        for mode, lines in _bands(measured, prediction)
+        (measured, predicted, error, weight, mode, lines)
+        for measured, predicted, largest, weight in zip(responses, prediction.receptances, ranges, weights, strict=True)
+        for error in [likelihood.line_errors(measured.value, largest)]
+        for mode, lines in _loud_bands(measured, predicted, largest, prediction)
     ]
     found = []
-    for measured, largest, predicted, mode, lines in bands:
-        error = likelihood.line_errors(measured.value, largest)[lines]
+    for measured, predicted, error, weight, mode, lines in bands:
         apart = measured.value[lines] - np.nan_to_num(predicted[lines])
         # Both parts of a line have that error each.
-        square = float((np.abs(apart / error) ** 2).mean()) / 2.0
-        facts = likelihood.FACTS_OF_A_PEAK
-        chance = min(1.0, len(bands) * float(stats.chi2.sf(facts * square, facts)))
+        numbers, square = 2.0 * weight * len(lines), weight * float((np.abs(apart / error[lines]) ** 2).sum())
+        chance = min(1.0, len(bands) * float(stats.chi2.sf(square, numbers)))
         if chance < CHANCE:
             norm = np.linalg.norm(measured.value[lines])
-            share = float(np.linalg.norm(apart) / norm), float(np.linalg.norm(error) * np.sqrt(2.0) / norm)
+            share = float(np.linalg.norm(apart) / norm), float(np.linalg.norm(error[lines]) * np.sqrt(2.0) / norm)
             found.append(_misfit(measured, predicted, mode, lines, share, chance))
     return found
+
+
+def _loud_bands(
+    measured: Receptance, predicted: ComplexArray, largest: float, prediction: Prediction
+) -> Iterator[tuple[int, Indices]]:
+    """Yield mode and lines of each band of a response, those that stand out of the noise."""
+    loud = likelihood.stands_out(measured.value, largest) | likelihood.stands_out(np.nan_to_num(predicted), largest)
+    for mode, lines in _bands(measured, prediction):
+        if loud[lines].any():
+            yield mode, lines[loud[lines]]
 
 
 def _bands(measured: Receptance, prediction: Prediction) -> Iterator[tuple[int, Indices]]:

@@ -86,24 +86,47 @@ def test_chatter_frequencies_are_compared_with_the_nearest_line_of_the_motion():
     found = likelihood.frequency_residual(measured, predicted, passing)
     assert found == pytest.approx([0.0, 0.0, 0.0, 5.0, -2.0, -10.0], abs=1e-12)
     assert likelihood.frequency_residual(np.array([1.0]), np.array([np.nan]), np.array([100.0])) == 50.0
+    each = likelihood.to_lines(measured, predicted, passing)
+    assert each[:, 0] == pytest.approx([0.0, 0.0, 40.0, 5.0, 38.0, -10.0], abs=1e-12)
+    assert each[:, 1] == pytest.approx([-40.0, -40.0, 0.0, -35.0, -2.0, -50.0], abs=1e-12)
 
 
 def heard_alone(measured, residual, passing):
-    """What frequencies say where one motion alone grows."""
+    """What frequencies say where one motion alone grows, whose lines are residuals below what was heard."""
     scale = likelihood.frequency_scale(measured, np.zeros(len(measured)))
-    return likelihood.chatter_frequency(residual[:, None], np.ones((len(residual), 1)), scale, passing)
+    spacing = passing[:, None]
+    lines = likelihood.to_lines(measured[:, None], (measured - residual)[:, None], spacing)
+    return likelihood.chatter_frequency(lines, np.ones_like(spacing), scale, spacing)
+
+
+def wrapped(measured, predicted, scale, spacing):
+    """Density of what was heard where each line of a motion is as likely as any other, by summing over many."""
+    lines = spacing * np.arange(-400, 401)
+    apart = [measured - sign * predicted + lines for sign in (1.0, -1.0)]
+    return 0.5 * sum(stats.t.pdf(one, 4.0, scale=scale).sum() for one in apart)
 
 
 def test_any_motion_that_grows_may_be_the_loudest_by_its_share_of_the_growth():
-    measured, passing = np.full(3, 900.0) * HZ, np.full(3, 800.0) * HZ
-    # Both off, the second near, the second near but not growing.
-    residual = np.array([[200.0, -150.0], [200.0, 2.0], [200.0, 2.0]]) * HZ
-    share = np.array([[0.7, 0.3], [0.7, 0.3], [1.0, 0.0]])
+    measured = np.full(4, 900.0) * HZ
+    # Both off, the second near, the second near but not growing, and one with lines at each revolution of four teeth.
+    frequency = np.array([[650.0, 1100.0], [650.0, 898.0], [650.0, 898.0], [650.0, 898.0]]) * HZ
+    spacing = np.array([[800.0, 800.0], [800.0, 800.0], [800.0, 800.0], [800.0, 200.0]]) * HZ
+    share = np.array([[0.7, 0.3], [0.7, 0.3], [1.0, 0.0], [0.7, 0.3]])
     scale = np.hypot(0.005 * measured, 3.0 * HZ)
-    found = likelihood.chatter_frequency(residual, share, scale, passing)
-    together = (share * stats.t.pdf(residual, 4.0, scale=scale[:, None])).sum(axis=1)
-    assert found.log_density == pytest.approx(np.log(0.9 * together + 0.1 / passing), rel=1e-13)
-    assert likelihood.heard_motion(residual, share, scale)[0] / HZ == pytest.approx([-150.0, 2.0, 200.0])
+    residual = likelihood.to_lines(measured[:, None], frequency, spacing)
+    found = likelihood.chatter_frequency(residual, share, scale, spacing)
+    together = [
+        sum(
+            weight * apart / of[0] * wrapped(heard, one, width, apart)
+            for weight, one, apart in zip(weights, motions, of, strict=True)
+        )
+        for heard, motions, width, weights, of in zip(measured, frequency, scale, share, spacing, strict=True)
+    ]
+    # What lies beyond seven lines counts as spread evenly.
+    assert found.log_density == pytest.approx(np.log(0.9 * np.array(together) + 0.1 / spacing[:, 0]), rel=1e-4)
+    heard, _, _ = likelihood.heard_motion(residual, share, scale, spacing)
+    # 1600 - 650 is a line of the mirrored motion.
+    assert heard / HZ == pytest.approx([-50.0, 2.0, -50.0, 2.0])
 
 
 def test_chatter_frequencies_drift_as_chatter_grows():
@@ -113,12 +136,26 @@ def test_chatter_frequencies_drift_as_chatter_grows():
     assert found == pytest.approx([at_limit, at_limit, deep, at_limit])
 
 
-def test_chatter_frequencies_are_student_t_and_one_in_ten_is_anywhere():
+def test_chatter_frequencies_are_student_t_around_each_line_and_one_in_ten_is_anywhere():
     measured, residual = np.array([600.0, 2400.0]) * HZ, np.array([4.0, -150.0]) * HZ
     scale, passing = np.hypot(0.005 * measured, 3.0 * HZ), np.full(2, 800.0) * HZ
     found = heard_alone(measured, residual, passing)
-    expected = 0.9 * stats.t.pdf(residual, 4.0, scale=scale) + 0.1 / passing
-    assert found.log_density == pytest.approx(np.log(expected), rel=1e-13)
+    nearby = [wrapped(*one) for one in zip(measured, measured - residual, scale, passing, strict=True)]
+    # What lies beyond seven lines counts as spread evenly.
+    assert found.log_density == pytest.approx(np.log(0.9 * np.array(nearby) + 0.1 / passing), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "spacing", "scale"), [(950.0, 800.0, 6.0), (400.0, 800.0, 6.0), (1500.0, 27.0, 18.0)]
+)
+def test_what_is_heard_between_two_teeth_has_a_density(frequency, spacing, scale):
+    """Hopf and flip, and lines that lie closer than they scatter: no motion is favoured before anything is heard."""
+    measured = frequency + spacing * (np.arange(4000) + 0.5) / 4000
+    apart = np.full((4000, 1), spacing)
+    residual = likelihood.to_lines(measured[:, None], np.full((4000, 1), frequency), apart)
+    found = likelihood.chatter_frequency(residual, np.ones((4000, 1)), np.full(4000, scale), apart)
+    # A smooth periodic function: the midpoint rule is as good as exact.
+    assert np.exp(found.log_density).mean() * spacing == pytest.approx(1.0, rel=1e-9)
 
 
 def test_coordinates_of_frequencies_carry_nearly_the_expected_information():
@@ -200,6 +237,38 @@ def test_facts_are_never_more_than_what_was_measured():
     assert facts(np.zeros(3, dtype=complex)) == likelihood.FACTS_OF_A_PEAK
 
 
+@pytest.mark.parametrize("highest", [1200.0, 2000.0, 4500.0, 9000.0])
+@pytest.mark.parametrize("spacing", [2.5, 5.0])
+def test_what_a_peak_weighs_does_not_hang_on_how_far_and_how_closely_was_measured(highest, spacing):
+    """A peak that is displaced by a hundredth costs as much."""
+    frequency = np.arange(600.0, highest, spacing)
+    measured = lorentzian(frequency, 1000.0, 0.02)
+    largest = np.abs(measured).max()
+    weight = likelihood.line_weight(measured, largest)
+    displaced = likelihood.receptance(measured, lorentzian(frequency, 1010.0, 0.02), weight, largest)
+    right = likelihood.receptance(measured, measured, weight, largest)
+    cost = right.log_density.sum() - displaced.log_density.sum()
+    reference = np.arange(600.0, 9000.0, 1.0)
+    exact = lorentzian(reference, 1000.0, 0.02)
+    top = np.abs(exact).max()
+    apart = (exact - lorentzian(reference, 1010.0, 0.02)) / likelihood.line_errors(exact, top)
+    # How loud a line must be to stand out rises with their number, and lengths count whole lines: some hundredths.
+    # Without either the same peak would weigh nine times as much in the narrowest band as in the widest.
+    assert cost == pytest.approx(0.5 * likelihood.line_weight(exact, top) * (np.abs(apart) ** 2).sum(), rel=0.1)
+
+
+def test_silent_responses_are_as_wide_as_the_widest_peaks():
+    frequency = np.linspace(100.0, 1100.0, 881)
+    wide, narrow = lorentzian(frequency, 600.0, 0.05), lorentzian(frequency, 600.0, 0.02)
+    silent = np.full(881, 1e-3 + 0.0j)
+    ranges = [np.abs(wide).max(), np.abs(narrow).max(), np.abs(wide).max()]
+    weights = likelihood.line_weights([wide, narrow, silent], ranges)
+    assert weights[0] < weights[1]
+    assert weights[2] == weights[0]
+    # With nothing to go by they hold one peak.
+    assert likelihood.line_weights([silent], [1.0]) == [0.5 * likelihood.FACTS_OF_A_PEAK / 881]
+
+
 def test_noise_across_the_axes_holds_no_more_facts_than_one_peak():
     frequency = np.linspace(100.0, 1100.0, 881)
     direct = [Receptance(
@@ -214,7 +283,7 @@ def test_noise_across_the_axes_holds_no_more_facts_than_one_peak():
     assert ranges == pytest.approx([0.5 * largest, 2.0 * largest, largest])
     assert likelihood.facts(noise, ranges[2]) <= 2.0 * likelihood.FACTS_OF_A_PEAK
     # A model that has nothing there is right: no line is off by more than noise. Two deviations of a chi-square mean.
-    nothing = likelihood.receptance(noise, np.zeros_like(noise), 2.0 * 881, ranges[2])
+    nothing = likelihood.receptance(noise, np.zeros_like(noise), 1.0, ranges[2])
     assert (nothing.coordinates**2).mean() == pytest.approx(1.0, abs=2.0 * np.sqrt(2.0 / 1762.0))
     # Alone it has no other measure than itself.
     assert measuring_ranges([across]) == (np.abs(noise).max(),)
@@ -226,14 +295,13 @@ def test_lines_of_a_response_are_normal_in_both_parts():
     error = np.hypot(0.04 * np.abs(measured), 0.02 * np.abs(measured).max())
     apart = measured - predicted
     expected = stats.norm.logpdf(apart.real, scale=error) + stats.norm.logpdf(apart.imag, scale=error)
-    found = likelihood.receptance(measured, predicted, independent=4.0, largest=np.abs(measured).max())
+    found = likelihood.receptance(measured, predicted, weight=1.0, largest=np.abs(measured).max())
     assert found.log_density == pytest.approx(expected, rel=1e-13)
-    # As many facts as half of the numbers: half the weight.
-    half = likelihood.receptance(measured, predicted, independent=2.0, largest=np.abs(measured).max())
+    half = likelihood.receptance(measured, predicted, weight=0.5, largest=np.abs(measured).max())
     assert half.log_density == pytest.approx(0.5 * expected, rel=1e-13)
     assert (half.coordinates**2).sum() == pytest.approx(0.5 * (np.abs(apart / error) ** 2).sum(), rel=1e-13)
-    unknown = likelihood.receptance(measured, np.full(2, np.nan + 0j), independent=4.0, largest=np.abs(measured).max())
-    still = likelihood.receptance(measured, np.zeros(2, dtype=complex), independent=4.0, largest=np.abs(measured).max())
+    unknown = likelihood.receptance(measured, np.full(2, np.nan + 0j), weight=1.0, largest=np.abs(measured).max())
+    still = likelihood.receptance(measured, np.zeros(2, dtype=complex), weight=1.0, largest=np.abs(measured).max())
     assert unknown.log_density == pytest.approx(still.log_density)
 
 

@@ -120,5 +120,47 @@ def test_all_other_shapes_of_what_is_named_are_climbed_from(base, monkeypatch, h
         return replace(hypothesis, fit=replace(hypothesis.fit, estimate=start, log_posterior=height))
 
     monkeypatch.setattr(search, "refit_from", climbed)
-    assert search._best_shape(None, named).fit.estimate[phase] == end
+    (found,) = search._best_shapes(None, [named])
+    assert found.fit.estimate[phase] == end
     assert [start[phase] for start in starts] == [-72.0, -36.0, 36.0, 72.0]
+
+
+def test_what_is_tied_with_the_first_gets_the_same_chance_to_arrive(base, monkeypatch):
+    """A rival that another shape leads higher takes the first's place, and is profiled in its stead."""
+    nested = pursuit.ground(base)
+    first, rival, behind = (
+        pursuit.stay(base.comparison, [candidate(name, variant)], nested)
+        for name, variant in (("process_damping", 0), ("tool_runout", 0), ("radial_immersion_error", 0))
+    )
+    heights = {first.name: 20.0, rival.name: 19.5, behind.name: 5.0}
+
+    def raised(one, gain):
+        evidence, posterior = base.fit.log_evidence + gain, base.fit.log_posterior + gain
+        return replace(one, fit=replace(one.fit, log_evidence=evidence, log_posterior=posterior))
+
+    climbed, profiled = [], []
+
+    def climb(hypothesis, start):
+        climbed.append(hypothesis.name)
+        return raised(hypothesis, 23.0) if hypothesis.name == rival.name else hypothesis
+
+    def profile(workers, named):
+        profiled.append(named.name)
+        return named, {}
+
+    monkeypatch.setattr(search, "refit_from", climb)
+    monkeypatch.setattr(search, "refit", lambda one, start: one)
+    monkeypatch.setattr(search, "profiled", profile)
+    fitted = [raised(one, heights[one.name]) for one in (first, rival, behind)]
+    found = search.arrived(None, search.Singles(base=base, fitted=fitted))
+    # Process damping has no other shape.
+    assert set(climbed) == {rival.name}
+    assert profiled == [rival.name]
+    assert found.ranking[0].name == rival.name
+    assert found.ranking[0].gain == pytest.approx(23.0)
+    # Where nothing rises everything stays what it was.
+    climbed.clear()
+    monkeypatch.setattr(search, "refit_from", lambda one, start: one)
+    found = search.arrived(None, search.Singles(base=base, fitted=fitted))
+    assert found.base is base
+    assert all(now is before for now, before in zip(found.fitted, fitted, strict=True))
