@@ -5,7 +5,7 @@ from pathlib import Path
 from chatter_core.evidence.ranking import NOTHING
 from pipeline import diagnosis_document, diagnosis_figures, page
 from pipeline.answer_folder import PAGE
-from pipeline.comparison_document import origin
+from pipeline.comparison_document import origin, unjudged
 from pipeline.comparison_page import PLOTTED, captions, plots_of
 from pipeline.diagnosis import Diagnosis
 from pipeline.diagnosis_document import outcome_error
@@ -47,6 +47,7 @@ def write(found: Diagnosis, campaign: str, given: str | None, output: Path) -> l
         title=f"What is missing: {campaign}",
         origin=origin(given),
         document=document,
+        unjudged=unjudged(found.judged[NOTHING].failures),
         rows=ranking_rows(found),
         not_tried=not_tried(found) if found.not_tried else "",
         plots=plots_of(found.before_and_after),
@@ -93,6 +94,8 @@ def summary(found: Diagnosis) -> str:
     of_pair = rows[len(found.ranking) :]
     for row in [header, *(row[:4] for row in [*rows[:TOLD], *of_pair])]:
         lines.append("".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
+    for line in unjudged(found.judged[NOTHING].failures):
+        lines += ["", line]
     lines += ["", found.corrections.text] if found.corrections is not None else []
     lines += ["", not_tried(found)] if found.not_tried else []
     trial = diagnosis_document.next_trial_data(found)

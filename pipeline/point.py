@@ -11,6 +11,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.floquet import MethodSettings
 from chatter_core.lobes import evaluate_to_tolerance, lobe_block
 from chatter_core.machine import Machine
+from chatter_core.stability import TOO_SLOW
 from chatter_core.stages import Stages, stages_of
 from chatter_core.tip import AXES, most_modes
 from chatter_core.units import si_factor
@@ -130,7 +131,7 @@ def _reason(stages: Stages, built: Structure, depth: np.ndarray, status: str) ->
     if not built.solved[0]:
         return "the bearing has no equilibrium at this speed and preload; raise the preload or lower the speed"
     if status == "outside_validity":
-        return "the spindle is so slow that the waves of its fastest mode in a tooth period cannot be resolved"
+        return TOO_SLOW
     forced_motion = milling_equation(stages, built, np.array([0]), depth).known
     if forced_motion is not None and not forced_motion[0]:
         return (
