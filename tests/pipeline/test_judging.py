@@ -158,6 +158,27 @@ def test_an_answer_is_not_written_over_that_of_a_namesake(tmp_path, capsys, quic
     assert (output / "comparison.json").read_bytes() != before
 
 
+@pytest.mark.parametrize(
+    ("file", "row", "other", "why"),
+    [
+        ("modes.csv", "0,1,147,0.004\n0,5,900,", "0,1,148,0.004", "it has none of these measurements"),
+        ("machine.yaml", "kt_mpa: 550", "kt_mpa: 560", "it has another machine, they differ in cutting.kt_mpa"),
+    ],
+)
+def test_an_answer_is_not_written_over_that_of_a_namesake_without_cuts(tmp_path, capsys, quick, file, row, other, why):
+    output, namesake = tmp_path / "out", tmp_path / "elsewhere" / "quick"
+    words = ("compare", f"output={output}", SERIAL)
+    main([*words, f"campaign={quick}"])
+    before = (output / "comparison.json").read_bytes()
+    shutil.copytree(quick, namesake)
+    text = (namesake / file).read_text()
+    assert row in text
+    (namesake / file).write_text(text.replace(row, other))
+    said = refused(capsys, *words, f"campaign={namesake}")
+    assert f"another campaign that is called 'quick': {why}" in said
+    assert (output / "comparison.json").read_bytes() == before
+
+
 @every_verb
 def test_cuts_too_slow_for_any_model_are_told_and_leave_the_verdict_as_it_is(tmp_path, capsys, quick, verb):
     (quick / "modes.csv").write_text("spindle_speed_rpm,mode,natural_frequency_hz,damping_ratio\n0,1,147,0.004\n")
