@@ -29,7 +29,7 @@ HEAD = """# A calibrated model: the machine that it belongs to, effects, and par
 OF_A_RESPONSE = "receptance_"
 #: Widths of its prior that an estimate may be away from it: of what lies farther no computer holds the factor.
 FARTHEST = 100.0
-#: Parameters that depend on what was measured beside the machine: absent where no label is marginal.
+#: Parameters that depend on what was cut: absent where nothing was, or no label is marginal.
 OPTIONAL = ("marginal_width", "mislabelled", "outcome_width")
 #: Digits of estimates, and of correlations.
 DIGITS, CORRELATION_DIGITS = 8, 5
@@ -231,8 +231,8 @@ def _changed_effects(found: ModelFile, own: Path | None) -> list[str]:
 def belief_of(found: ModelFile, path: Path, model: CampaignModel) -> Belief:
     """Return what a model file says of the parameters of a model.
 
-    Raises InvalidInput when it names a parameter that the model has not, or twice, in another unit or with a value
-    that it does not allow.
+    Raises InvalidInput when it lacks a parameter of the model, names one that the model has not, or twice, in another
+    unit or with a value that it does not allow.
     """
     problems = [f"{path}: {problem}" for problem in _parameter_problems(found, model)]
     if problems:
@@ -244,6 +244,9 @@ def _parameter_problems(found: ModelFile, model: CampaignModel) -> Iterator[str]
     """Yield what is wrong with the parameters, seen by the model's own."""
     known = {parameter.name: parameter for parameter in model.parameters}
     names = [parameter.name for parameter in found.parameters]
+    missing = [name for name in known if name not in (*names, *OPTIONAL) and not name.startswith(OF_A_RESPONSE)]
+    for name in missing:
+        yield f"parameters: {name}: missing; needed: every parameter of the model, so restore it or fit the model again"
     for name in sorted({name for name in names if names.count(name) > 1}):
         yield f"parameters: {shown(name)} stands twice; keep one of them"
     for parameter in found.parameters:
