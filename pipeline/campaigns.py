@@ -22,6 +22,7 @@ from chatter_core.tip import most_modes
 from pipeline import model_file
 from pipeline.configuration import EFFECTS_PATH, Words, compose_settings
 from pipeline.fitted_cuts import marks, seen
+from pipeline.idle_effects import remark_idle
 from pipeline.modes import check_modes
 from pipeline.settings import Cluster, Settings
 from pipeline.shipped import EFFECTS
@@ -114,6 +115,7 @@ def read(options: CampaignOptions, words: Words) -> Asked:
         belief = _as_configured(settings)
     for line in remarks(campaign):
         remark(line)
+    remark_idle(content.effects, at_rest=content.base == "static_bearing", modes=model.available(model.cut_modes))
     name = printable(options.campaign.resolve().name)
     given = None if options.model is None else printable(str(options.model))
     return Asked(
