@@ -36,6 +36,7 @@ BATCH_MEMORY = 64e6
 WAVE_MEMORY, INTERVAL_MEMORY = 46e3, 24e3
 #: Waves of the fastest mode in a period of the cut beyond which a point is not analysed: a crawling spindle.
 MOST_WAVES = 600.0
+TOO_SLOW = "the spindle is so slow that the waves of its fastest mode in a tooth period cannot be resolved"
 #: The same times the refinement of the resolution.
 MOST_RESOLVED_WAVES = 1500.0
 #: A multiplier counts as real when its imaginary part is below this share of its modulus.
@@ -229,6 +230,14 @@ def _candidates(
     candidates = np.flatnonzero(possible & (resolved <= MOST_RESOLVED_WAVES))
     candidates = candidates[np.argsort(resolved[candidates], kind="stable")]
     return candidates, resolved[candidates]
+
+
+def too_slow(stages: Stages, built: Structure) -> NDArray[np.bool_]:
+    """Return at which speeds (speed,) nothing can be computed for TOO_SLOW, whatever the depth.
+
+    See docs/physics.md#lobes.
+    """
+    return np.asarray(built.solved & (_waves(stages, built) > MOST_WAVES))
 
 
 def _waves(stages: Stages, built: Structure) -> Array:

@@ -1,5 +1,7 @@
 """What the verbs that take a campaign have in common: options, reading, and the model that is asked for."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -20,6 +22,7 @@ from chatter_core.tip import most_modes
 from pipeline import model_file
 from pipeline.configuration import EFFECTS_PATH, Words, compose_settings
 from pipeline.fitted_cuts import marks, seen
+from pipeline.idle_effects import remark_idle
 from pipeline.modes import check_modes
 from pipeline.settings import Cluster, Settings
 from pipeline.shipped import EFFECTS
@@ -104,18 +107,15 @@ def read(options: CampaignOptions, words: Words) -> Asked:
             campaign = replace(campaign, remarks=(*campaign.remarks, known))
     else:
         content = _content_of(options, settings)
-    model = model_of(campaign, content)
-    asked = "modes" if options.model is None else f"{options.model}: modes"
-    check_modes(model.campaign.machine, model.available(model.cut_modes), asked)
-    for term in model.terms:
-        if isinstance(term, Effect):
-            require(term, campaign)
+    with _told_of(options.model):
+        model = _usable_model(campaign, content)
     if options.model is not None:
         belief = model_file.belief_of(found, options.model, model)
     else:
         belief = _as_configured(settings)
     for line in remarks(campaign):
         remark(line)
+    remark_idle(content.effects, at_rest=content.base == "static_bearing", modes=model.available(model.cut_modes))
     name = printable(options.campaign.resolve().name)
     given = None if options.model is None else printable(str(options.model))
     return Asked(
@@ -138,6 +138,30 @@ def _settings_of(words: Words, machine_file: Path) -> Settings:
             machine_file=machine_file,
         )
     )
+
+
+@contextmanager
+def _told_of(model: Path | None) -> Iterator[None]:
+    """Tell what is wrong with a model by the file that it is from, if it is from one."""
+    try:
+        yield
+    except InvalidInput as error:
+        if model is None:
+            raise
+        raise InvalidInput([f"{model}: {problem}" for problem in error.problems]) from None
+
+
+def _usable_model(campaign: Campaign, content: model_file.Content) -> CampaignModel:
+    """Return the model of a campaign that has a base and effects.
+
+    Raises InvalidInput when base, modes or effects are not for the machine.
+    """
+    model = model_of(campaign, content)
+    check_modes(model.campaign.machine, model.available(model.cut_modes), "modes")
+    for term in model.terms:
+        if isinstance(term, Effect):
+            require(term, campaign)
+    return model
 
 
 def model_of(campaign: Campaign, content: model_file.Content) -> CampaignModel:

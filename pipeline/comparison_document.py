@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -128,6 +129,11 @@ def origin(given: str | None) -> list[str]:
 def cautions(fit: Fit, what: str) -> list[str]:
     """Return in a sentence that a fit has not arrived; none where it has. what: the subject of the sentence."""
     return [] if fit.converged else [f"{what} did not converge: {fit.reason}. Take its numbers with care."]
+
+
+def unjudged(failures: Sequence[Failure]) -> list[str]:
+    """Return in sentences which data no model can be judged by, none mostly."""
+    return [failure.text for failure in failures if not failure.counts]
 
 
 def failure_data(failure: Failure) -> dict[str, Any]:

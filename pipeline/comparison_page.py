@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from chatter_core.evidence import Campaign
-from chatter_core.evidence.assessment import Assessment
+from chatter_core.evidence.assessment import Assessment, Version
+from chatter_core.evidence.failures import Failure
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
 from pipeline import comparison_document, comparison_figures, page
 from pipeline.answer_folder import PAGE
@@ -72,8 +73,8 @@ def write(found: Assessment, campaign: str, given: str | None, output: Path) -> 
         columns=["quantity", "as described", "calibrated", "held out", "what it is"],
         rows=error_rows(found),
         failures=[
-            ("Calibrated", [failure.text for failure in found.refitted.failures]),
-            ("As described", [failure.text for failure in found.described.failures]),
+            ("Calibrated", [failure.text for failure in _that_count(found.refitted)]),
+            ("As described", [failure.text for failure in _that_count(found.described)]),
         ],
         plots=plots_of(found),
         captions=captions(measured),
@@ -83,7 +84,7 @@ def write(found: Assessment, campaign: str, given: str | None, output: Path) -> 
         coverage=f"{100 * COVERAGE:.0f} %",
         groups=found.held_out_groups,
         judged=judged(measured),
-        remarks=measured.remarks,
+        remarks=[*measured.remarks, *comparison_document.unjudged(found.refitted.failures)],
         fit=found.refitted.fit,
     )
     return [*written, *pictures, output / PAGE]
@@ -115,12 +116,18 @@ def summary(found: Assessment) -> str:
     for row in [header, *(row[:4] for row in error_rows(found))]:
         lines.append("  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
     lines += ["", *headlines(found)]
-    for failure in found.refitted.failures[:TOLD_FAILURES]:
+    failing = _that_count(found.refitted)
+    for failure in failing[:TOLD_FAILURES]:
         lines.append(f"- {failure.text}")
-    more = len(found.refitted.failures) - TOLD_FAILURES
+    more = len(failing) - TOLD_FAILURES
     if more > 0:
         lines.append(f"- and {more} more in the report")
+    lines += comparison_document.unjudged(found.refitted.failures)
     return "\n".join([*lines, ""])
+
+
+def _that_count(version: Version) -> list[Failure]:
+    return [failure for failure in version.failures if failure.counts]
 
 
 def headlines(found: Assessment) -> list[str]:
@@ -136,7 +143,7 @@ def headlines(found: Assessment) -> list[str]:
     cut = judged(found.comparison.model.campaign)
     if cut and found.held_out is None:
         told.append(f"{cut.capitalize()} at three speeds or more are needed to hold some out.")
-    count = len(found.refitted.failures)
+    count = len(_that_count(found.refitted))
     told.append(
         "After calibration no failure was found that noise does not explain; few data show few."
         if not count

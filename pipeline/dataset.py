@@ -11,6 +11,7 @@ from chatter_core.reading import load_value, load_yaml, sentences, shown
 from pipeline.configuration import compose_settings, repeated, words_for
 from pipeline.design import CUT_PARTS, DatasetSettings, Level, first_of_cuts, varied_of
 from pipeline.execution import execute_words
+from pipeline.idle_effects import remark_idle
 from pipeline.keys import parts_of
 from pipeline.places import DATASET
 from pipeline.verbs.studies import FORMULA, VARY, DatasetOptions
@@ -35,6 +36,14 @@ def run(words: list[str]) -> int:
     changes = {} if own.design is None else {"design": load_yaml(own.design)}
     settings = compose_settings(
         sorted_words, DatasetSettings, changes, partial(_let_vary, varied=own.varied, formulas=own.formulas)
+    )
+    design = settings.design
+    remark_idle(
+        settings.effects,
+        at_rest=design.modal_parameters == "static",
+        modes=design.mode_count,
+        rest="design.modal_parameters=static",
+        count="design.mode_count",
     )
     budget = None if options.budget_hours is None else SECONDS_AN_HOUR * options.budget_hours
     retry = options.retry_failed == "true"

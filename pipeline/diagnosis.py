@@ -29,7 +29,6 @@ from chatter_core.evidence.verdict import (
     is_sure,
     leading_pair,
     not_ruled_out,
-    tied_pairs,
 )
 from chatter_core.stages import Stages
 from pipeline.campaigns import require, settings_of
@@ -104,12 +103,11 @@ class Diagnosis(ShownAsCard):
 
     @property
     def contenders(self) -> tuple[Ranked, Ranked]:
-        """The two answers that are to be parted: the leading pair and what comes next to it, or the most probable."""
-        if self.leading_pair is None:
+        """The two answers that are to be parted: a leading pair and what gains most beside it, or the most probable."""
+        pair = self.leading_pair
+        if pair is None:
             return self.ranking[0], self.ranking[min(1, len(self.ranking) - 1)]
-        tied = tied_pairs(self.pairs)[1:]
-        halves = [one for one in self.ranking if one.name in self.pairs[0].best.names]
-        return self.pairs[0], tied[0] if tied else max(halves, key=lambda one: one.gain)
+        return pair, max([*self.ranking, *self.pairs[1:]], key=lambda one: one.gain)
 
     @property
     def stands_for(self) -> list[str]:

@@ -25,6 +25,8 @@ DOCUMENT, POWER = "diagnosis.json", "power.csv"
 MEASUREMENTS = 5
 #: A measurement that is expected to tell less than this parts nothing [nats].
 WORTH_ITS_COST = 0.01
+#: Quantities whose error on what was held out a ranking tells, the first that there is.
+TOLD_HELD_OUT = ("outcome", "limit_depth")
 #: Why intervals are of the curvature alone.
 NOT_PROFILED = "not profiled: a diagnosis fits too many models"
 
@@ -78,8 +80,9 @@ def ranked_data(found: Diagnosis, one: Ranked) -> dict[str, Any]:
         "probability": one.probability,
         "score": one.gain,
         "settings": {candidate.name: candidate.settings for candidate in best.candidates},
-        "heldout_error_before": outcome_error(found.held_out.get(NOTHING)),
-        "heldout_error_after": outcome_error(found.held_out.get(one.name)),
+        "heldout_quantity": held_out_quantity(found),
+        "heldout_error_before": _value(held_out_score(found, NOTHING)),
+        "heldout_error_after": _value(held_out_score(found, one.name)),
         "parameters": {
             name if len(best.candidates) == 1 else f"{candidate.name}.{name}": told
             for candidate in best.candidates
@@ -113,10 +116,20 @@ def _parameter(fit: Fit, name: str, limits: Limits | None = None) -> dict[str, A
     return parameter_data(fit, name, curvature(fit, name, NOT_PROFILED) if limits is None else limits)
 
 
-def outcome_error(scores: dict[str, Score] | None) -> float | None:
-    """Return the balanced outcome error among scores, None where none is known."""
-    found: float | None = None if scores is None or "outcome" not in scores else plain(scores["outcome"].value)
-    return found
+def held_out_quantity(found: Diagnosis) -> str | None:
+    """Return the quantity whose error on what was held out a ranking tells, None where nothing was."""
+    known = found.held_out.get(NOTHING, {})
+    return next((quantity for quantity in TOLD_HELD_OUT if quantity in known), None)
+
+
+def held_out_score(found: Diagnosis, name: str) -> Score | None:
+    """Return the score of a hypothesis on what was held out, of the quantity that is told; None where not known."""
+    quantity = held_out_quantity(found)
+    return None if quantity is None else found.held_out.get(name, {}).get(quantity)
+
+
+def _value(score: Score | None) -> Any:
+    return None if score is None else plain(score.value)
 
 
 def errors(found: Diagnosis) -> dict[str, Any]:

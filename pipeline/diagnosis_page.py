@@ -3,12 +3,13 @@
 from pathlib import Path
 
 from chatter_core.evidence.ranking import NOTHING
+from chatter_core.evidence.scores import Score
 from pipeline import diagnosis_document, diagnosis_figures, page
 from pipeline.answer_folder import PAGE
-from pipeline.comparison_document import origin
-from pipeline.comparison_page import PLOTTED, captions, plots_of
+from pipeline.comparison_document import origin, unjudged
+from pipeline.comparison_page import NAMES, PLOTTED, captions, plots_of
 from pipeline.diagnosis import Diagnosis
-from pipeline.diagnosis_document import outcome_error
+from pipeline.diagnosis_document import held_out_score
 
 FOLDER = "figures"
 CAPTIONS = {
@@ -47,6 +48,8 @@ def write(found: Diagnosis, campaign: str, given: str | None, output: Path) -> l
         title=f"What is missing: {campaign}",
         origin=origin(given),
         document=document,
+        unjudged=unjudged(found.judged[NOTHING].failures),
+        held_out=NAMES[diagnosis_document.held_out_quantity(found) or "outcome"],
         rows=ranking_rows(found),
         not_tried=not_tried(found) if found.not_tried else "",
         plots=plots_of(found.before_and_after),
@@ -59,9 +62,9 @@ def write(found: Diagnosis, campaign: str, given: str | None, output: Path) -> l
 def ranking_rows(found: Diagnosis) -> list[list[str]]:
     """Return a row for each entry of the ranking: name, probability, evidence, errors held out, parameters."""
     rows = []
-    before = outcome_error(found.held_out.get(NOTHING))
+    before = held_out_score(found, NOTHING)
     for one in [*found.ranking, *([found.pair] if found.pair is not None else [])]:
-        after = outcome_error(found.held_out.get(one.name))
+        after = held_out_score(found, one.name)
         told = []
         for candidate in one.best.candidates:
             for name, values in diagnosis_document.effect_parameters(found, one.best, candidate.name).items():
@@ -69,11 +72,15 @@ def ranking_rows(found: Diagnosis) -> list[list[str]]:
                 span = f"{values['low']:.3g} to {values['high']:.3g}"
                 told.append(f"{name} {values['estimate']:.3g} ({span}){unit}")
             told += [f"{key} {value}" for key, value in candidate.settings.items()]
-        change = "" if after is None or before is None else f"{100 * before:.1f} to {100 * after:.1f} %"
+        change = "" if after is None or before is None else f"{_hundredths(before)} to {_hundredths(after)} %"
         # A pair stands beside the ranking, by its evidence.
         probability = "" if one is found.pair else f"{one.probability:.3f}"
         rows.append([one.name, probability, f"{one.gain:+.1f}", change, "; ".join(told)])
     return rows
+
+
+def _hundredths(score: Score) -> str:
+    return ("at least " if score.at_least else "") + f"{100.0 * score.value:.1f}"
 
 
 def not_tried(found: Diagnosis) -> str:
@@ -88,11 +95,14 @@ def summary(found: Diagnosis) -> str:
     """Return the gist as text for a terminal."""
     lines = ["", f"verdict: {found.verdict.kind}", found.verdict.text, *diagnosis_document.unsettled(found), ""]
     widths = (42, 13, 10, 22)
-    header = ["missing", "probability", "nats", "held-out error"]
+    of_limits = diagnosis_document.held_out_quantity(found) == "limit_depth"
+    header = ["missing", "probability", "nats", "held-out error" + (" of limit depths" if of_limits else "")]
     rows = ranking_rows(found)
     of_pair = rows[len(found.ranking) :]
     for row in [header, *(row[:4] for row in [*rows[:TOLD], *of_pair])]:
         lines.append("".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
+    for line in unjudged(found.judged[NOTHING].failures):
+        lines += ["", line]
     lines += ["", found.corrections.text] if found.corrections is not None else []
     lines += ["", not_tried(found)] if found.not_tried else []
     trial = diagnosis_document.next_trial_data(found)

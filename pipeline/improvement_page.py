@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from chatter_core.evidence.ranking import NOTHING
 from chatter_core.evidence.scores import ERRORS
 from pipeline import comparison_figures, diagnosis_document, diagnosis_figures, diagnosis_page, improvement_figure, page
 from pipeline.answer_folder import PAGE
-from pipeline.comparison_document import origin
+from pipeline.comparison_document import origin, unjudged
 from pipeline.comparison_page import NAMES, PER_CENT, PLOTTED, captions, plots_of
 from pipeline.diagnosis import Diagnosis
 from pipeline.diagnosis_document import DOCUMENT, POWER
@@ -175,9 +176,9 @@ def step(found: Diagnosis, document: dict[str, Any]) -> Step:
     return Step(
         title=f"{'With ' + model if model else 'Base model'}: {MEANINGS[found.verdict.kind]}",
         text=_readable(found.verdict.text),
-        cautions=[_readable(line) for line in document["cautions"]],
+        cautions=[*map(_readable, document["cautions"]), *unjudged(found.judged[NOTHING].failures)],
         rows=[row for one in named for row in _parameter_rows(one)],
-        fails=[_readable(failure["text"]) for failure in document["still_fails"]],
+        fails=[_readable(failure["text"]) for failure in document["still_fails"] if failure["counts"]],
         next_trial=_readable(document["next_trial"]["text"]) if document["next_trial"] is not None else "",
     )
 

@@ -20,7 +20,6 @@ from pipeline.answer_folder import refuse_foreign, refuse_unwritten, require_roo
 from pipeline.campaigns import Asked, options_of, read
 from pipeline.cluster import Workers, open_client
 from pipeline.configuration import words_for
-from pipeline.fitted_cuts import marks
 from pipeline.json_text import parsed
 from pipeline.locking import held_for_results
 from pipeline.telling import complain, fact, say, wrote
@@ -109,10 +108,10 @@ def _refuse_loss(verb: Verb[Found], output: Path, options: JudgingOptions, asked
 
 
 def _refuse_namesake(output: Path, asked: Asked) -> None:
-    """Raise InvalidInput where the answer is for a campaign of the same name that has none of these cuts."""
-    own, fitted = marks(asked.model.campaign), model_file.cuts_in(output / MODEL)
-    if own and fitted and not {*own} & {*fitted}:
-        other = f"another campaign that is called {shown(asked.name)}: it has none of these cuts"
+    """Raise InvalidInput where the answer is for another campaign of the same name."""
+    why = model_file.another_campaign(output / MODEL, asked.model.campaign)
+    if why:
+        other = f"another campaign that is called {shown(asked.name)}: {why}"
         raise InvalidInput([f"output: {output} holds the answer for {other}; name another folder"])
 
 

@@ -29,7 +29,7 @@ HEAD = """# A calibrated model: the machine that it belongs to, effects, and par
 OF_A_RESPONSE = "receptance_"
 #: Widths of its prior that an estimate may be away from it: of what lies farther no computer holds the factor.
 FARTHEST = 100.0
-#: Parameters that depend on what was measured beside the machine: absent where no label is marginal.
+#: Parameters that depend on what was cut: absent where nothing was, or no label is marginal.
 OPTIONAL = ("marginal_width", "mislabelled", "outcome_width")
 #: Digits of estimates, and of correlations.
 DIGITS, CORRELATION_DIGITS = 8, 5
@@ -154,9 +154,8 @@ def read(path: Path, machine: Machine, own: Path | None = None) -> ModelFile:
         raise InvalidInput([f"{path}: {problem}" for problem in problems])
     differing = differing_keys(found.machine.described(), machine.described())
     if differing:
-        shown = ", ".join(differing[:6]) + (f" and {len(differing) - 6} more" if len(differing) > 6 else "")
         raise InvalidInput(
-            [f"{path}: belongs to another machine than the campaign's machine.yaml; they differ in {shown}"]
+            [f"{path}: belongs to another machine than the campaign's machine.yaml; they differ in {_some(differing)}"]
         )
     return found
 
@@ -174,13 +173,28 @@ def _read(path: Path) -> ModelFile:
         raise InvalidInput([f"{path}: {sentence}" for sentence in sentences(error, ModelFile)]) from None
 
 
-def cuts_in(path: Path) -> list[str]:
-    """Return the marks of the cuts that the model in a file was fitted to, none where they cannot be read."""
+def another_campaign(path: Path, campaign: Campaign) -> str:
+    """Return in words why the model in a file is of another campaign of the same name, "" where it is not.
+
+    A campaign with some of the cuts may have a machine that was corrected since; one without any has the same machine
+    and some of the other measurements. A file that cannot be read says nothing.
+    """
     try:
-        found = load_yaml(path).get("fitted_cuts")
+        found = _read(path)
     except InvalidInput:
-        return []
-    return [*map(str, found)] if isinstance(found, list) else []
+        return ""
+    cuts, others = marks(campaign), other_marks(campaign)
+    if cuts and found.fitted_cuts:
+        return "" if {*cuts} & {*found.fitted_cuts} else "it has none of these cuts"
+    if not {*cuts, *others} & {*found.fitted_cuts, *found.fitted_measurements}:
+        return "it has none of these measurements"
+    differing = differing_keys(found.machine.described(), campaign.machine.described())
+    return f"it has another machine, they differ in {_some(differing)}" if differing else ""
+
+
+def _some(keys: Sequence[str]) -> str:
+    """Return the first of many keys in words."""
+    return ", ".join(keys[:6]) + (f" and {len(keys) - 6} more" if len(keys) > 6 else "")
 
 
 def _effect_problems(name: str, settings: dict[str, Any], own: Path | None) -> list[str]:
@@ -217,8 +231,8 @@ def _changed_effects(found: ModelFile, own: Path | None) -> list[str]:
 def belief_of(found: ModelFile, path: Path, model: CampaignModel) -> Belief:
     """Return what a model file says of the parameters of a model.
 
-    Raises InvalidInput when it names a parameter that the model has not, or twice, in another unit or with a value
-    that it does not allow.
+    Raises InvalidInput when it lacks a parameter of the model, names one that the model has not, or twice, in another
+    unit or with a value that it does not allow.
     """
     problems = [f"{path}: {problem}" for problem in _parameter_problems(found, model)]
     if problems:
@@ -230,6 +244,9 @@ def _parameter_problems(found: ModelFile, model: CampaignModel) -> Iterator[str]
     """Yield what is wrong with the parameters, seen by the model's own."""
     known = {parameter.name: parameter for parameter in model.parameters}
     names = [parameter.name for parameter in found.parameters]
+    missing = [name for name in known if name not in (*names, *OPTIONAL) and not name.startswith(OF_A_RESPONSE)]
+    for name in missing:
+        yield f"parameters: {name}: missing; needed: every parameter of the model, so restore it or fit the model again"
     for name in sorted({name for name in names if names.count(name) > 1}):
         yield f"parameters: {shown(name)} stands twice; keep one of them"
     for parameter in found.parameters:

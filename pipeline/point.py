@@ -11,6 +11,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.floquet import MethodSettings
 from chatter_core.lobes import evaluate_to_tolerance, lobe_block
 from chatter_core.machine import Machine
+from chatter_core.stability import TOO_SLOW
 from chatter_core.stages import Stages, stages_of
 from chatter_core.tip import AXES, most_modes
 from chatter_core.units import si_factor
@@ -18,6 +19,7 @@ from chatter_core.variables import BIFURCATION, STATUS
 from pipeline.answer_folder import write_text
 from pipeline.configuration import compose_settings, modal_parameters_of, words_for
 from pipeline.errors import told_where
+from pipeline.idle_effects import remark_idle
 from pipeline.locking import make_folder
 from pipeline.modes import modes_called
 from pipeline.telling import complain, fact, say, wrote
@@ -45,6 +47,8 @@ def run(words: list[str]) -> int:
         machine = machine.with_preload(options.preload_n)
     if options.output is not None:
         make_folder(options.output)
+    at_rest, modes = options.modal_parameters == "static", _modes_kept(machine, options)
+    remark_idle(settings.effects, at_rest=at_rest, modes=modes)
     with modes_called("modes"):
         answer = answer_point(settings.model(machine), options, settings.method, depths_mm)
     fact(**answer)
@@ -58,6 +62,11 @@ def run(words: list[str]) -> int:
         complain(f"no result at this point, status {answer['status']}: {answer['reason']}")
         return 1
     return 0
+
+
+def _modes_kept(machine: Machine, options: PointOptions) -> int:
+    """Return how many modes of an axis are kept: as many as are asked for, or as usual, or all that were measured."""
+    return options.modes or (USUAL_MODES if machine.tip is None else most_modes(machine.tip))
 
 
 def _check_grid(values: list[str]) -> None:
@@ -80,7 +89,7 @@ def answer_point(
     machine = stages.machine
     speed = np.array([options.spindle_speed_rpm * si_factor("spindle_speed_rpm")])
     depth = np.array([options.axial_depth_mm * si_factor("axial_depth_mm")])
-    count = options.modes or (USUAL_MODES if machine.tip is None else most_modes(machine.tip))
+    count = _modes_kept(machine, options)
     built = structure(stages, speed, mode_count=count, modal_parameters=options.modal_parameters)
     stability, error = evaluate_to_tolerance(stages, built, depth, method)
     status = _name(STATUS, stability.status[0])
@@ -130,7 +139,7 @@ def _reason(stages: Stages, built: Structure, depth: np.ndarray, status: str) ->
     if not built.solved[0]:
         return "the bearing has no equilibrium at this speed and preload; raise the preload or lower the speed"
     if status == "outside_validity":
-        return "the spindle is so slow that the waves of its fastest mode in a tooth period cannot be resolved"
+        return TOO_SLOW
     forced_motion = milling_equation(stages, built, np.array([0]), depth).known
     if forced_motion is not None and not forced_motion[0]:
         return (

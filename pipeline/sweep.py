@@ -2,6 +2,7 @@
 
 from pipeline.configuration import compose_settings, modal_parameters_of, words_for
 from pipeline.execution import execute_words
+from pipeline.idle_effects import remark_idle
 from pipeline.places import LOBES
 from pipeline.verbs.studies import SweepOptions
 
@@ -17,5 +18,8 @@ def run(words: list[str]) -> int:
         beside = [word for word in sorted_words.values if word.startswith(PARAMETERS)]
         sorted_words.values.append(f"{PARAMETERS}=[{modal_parameters_of(options.base, beside)}]")
     settings = compose_settings(sorted_words)
+    grid = settings.grid
+    fewest = int(grid.mode_count.points()[0])
+    remark_idle(settings.effects, at_rest="static" in grid.modal_parameters, modes=fewest, count="grid.mode_count")
     retry = options.retry_failed == "true"
     return execute_words(settings, sorted_words, words, root=LOBES, retry_failed=retry)

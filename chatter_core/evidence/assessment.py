@@ -178,7 +178,7 @@ def version(title: str, comparison: Comparison, fit: Fit, belief: Belief, fields
         told=said,
         dominant_mode=modes,
         scores={**cut_scores(campaign, said), **structure_scores(campaign, compared)},
-        failures=failures(campaign, compared, modes.astype(float), calibrated),
+        failures=failures(comparison.model, compared, modes.astype(float), calibrated),
         fields=fields,
     )
 

@@ -16,10 +16,12 @@ from chatter_core.evidence.comparison import Compared
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.margin import LIMIT_REACH, out_of_reach
 from chatter_core.evidence.measured import DIRECTIONS, OUTCOMES, Trials
+from chatter_core.evidence.measured_rows import rows_of
 from chatter_core.evidence.nuisances import TYPICAL_MARGINAL_WIDTH, TYPICAL_MISLABELLED, TYPICAL_OUTCOME_WIDTH
 from chatter_core.evidence.parameters import Array
-from chatter_core.evidence.prediction import Prediction
+from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.evidence.receptance_bands import Misfit, misfits
+from chatter_core.stability import TOO_SLOW
 from chatter_core.units import si_factor
 
 #: A datum has failed when it is so improbable, to both sides together.
@@ -34,11 +36,12 @@ NOISE_OF_LABELS = ("mislabelled", "outcome_width", "marginal_width")
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """A place where a model fails.
+    """A place where a model fails, or one of which it can be told only that no model could be judged there.
 
     quantity: what is told wrongly; band: where, by the keys of the tables, with low and high or one value;
     excess: share of the data there that fail beyond what noise explains, for a receptance that of its norm,
-    for a pull its widths beyond what is plausible; chance: that a right model looks like this; text.
+    for a pull its widths beyond what is plausible; chance: that a right model looks like this; text; counts: whether it
+    says anything against the model.
     """
 
     quantity: str
@@ -46,6 +49,7 @@ class Failure:
     excess: float
     chance: float
     text: str
+    counts: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,30 +69,34 @@ class _Data:
     hence: str = ""
 
 
-def failures(campaign: Campaign, compared: Compared, dominant_mode: Array, fit: Fit | None) -> list[Failure]:
-    """Return where a model fails, the least probable by chance first.
+def failures(model: CampaignModel, compared: Compared, dominant_mode: Array, fit: Fit | None) -> list[Failure]:
+    """Return where a model fails, the least probable by chance first, and at last the cuts that cannot be judged.
 
     dominant_mode: (trial,) number of the mode that chatters, as the model has it, 0 where unknown; fit: the
     calibration, None for a model as described.
 
     See docs/physics.md#comparison.
     """
-    found = [*_of_trials(campaign, compared, dominant_mode, fit), *_of_tables(campaign, compared)]
+    campaign, unresolved = model.campaign, model.unresolved(compared.prediction)
+    found = [*_of_trials(campaign, compared, dominant_mode, fit, unresolved)]
+    found += [*_of_tables(campaign, compared, unresolved), *_of_unresolved(campaign, unresolved)]
     found += _without_limit(campaign, compared)
     found += [_of_response(misfit) for misfit in misfits(campaign, compared.prediction)] if campaign.receptances else []
     found += _of_pulls(fit) if fit is not None else []
     return sorted(found, key=lambda failure: (failure.chance, -failure.excess))
 
 
-def _of_trials(campaign: Campaign, compared: Compared, dominant_mode: Array, fit: Fit | None) -> Iterator[Failure]:
+def _of_trials(
+    campaign: Campaign, compared: Compared, dominant_mode: Array, fit: Fit | None, unresolved: NDArray[np.bool_]
+) -> Iterator[Failure]:
     trials = campaign.trials
     if trials is None:
         return
-    places = _places(campaign, trials, dominant_mode)
-    for data in [*_labels(trials, compared, fit), *_frequencies(campaign, trials, compared)]:
+    places, judged = _places(campaign, trials, dominant_mode), ~unresolved[: len(trials)]
+    for data in [*_labels(trials, compared, fit), *_frequencies(trials, compared, judged)]:
         for key, (place, unit) in places.items():
             yield from _bands(data, key, place, unit)
-    lost = int(np.isnan(compared.prediction.margin).sum())
+    lost = int((np.isnan(compared.prediction.margin) & judged).sum())
     if lost:
         text = f"The model has no answer for {lost} of {len(trials)} cuts; they count as told wrongly."
         yield Failure(quantity="outcome", band={}, excess=lost / len(trials), chance=0.0, text=text)
@@ -164,13 +172,14 @@ def _more_noise(fit: Fit | None) -> dict[str, float]:
     return more
 
 
-def _frequencies(campaign: Campaign, trials: Trials, compared: Compared) -> Iterator[_Data]:
-    """Yield the chatter frequencies that are farther off than one in twenty is."""
-    which = np.flatnonzero(np.isfinite(trials.chatter_frequency))
+def _frequencies(trials: Trials, compared: Compared, judged: NDArray[np.bool_]) -> Iterator[_Data]:
+    """Yield the chatter frequencies that are farther off than one in twenty is, of the trials (trial,) to judge by."""
+    heard = np.isfinite(trials.chatter_frequency) & judged
+    which = np.flatnonzero(heard)
     if not len(which) or not len(compared.prediction.chatter_frequency):
         return
     measured = trials.chatter_frequency[which]
-    frequency, spacing, share = compared.prediction.motions(np.isfinite(trials.chatter_frequency))
+    frequency, spacing, share = compared.prediction.motions(heard)
     residual = likelihood.to_lines(measured[:, None], frequency, spacing)
     scale = likelihood.frequency_scale(measured, compared.prediction.margin[which])
     apart, tooth_passing = np.abs(likelihood.heard_motion(residual, share, scale, spacing)[0]), spacing[:, 0]
@@ -199,9 +208,27 @@ def _without_limit(campaign: Campaign, compared: Compared) -> Iterator[Failure]:
     yield Failure(quantity="limit_depth", band={}, excess=count / rows, chance=0.0, text=text)
 
 
-def _of_tables(campaign: Campaign, compared: Compared) -> Iterator[Failure]:
+def _of_unresolved(campaign: Campaign, unresolved: NDArray[np.bool_]) -> Iterator[Failure]:
+    """Yield how many cuts turn too slowly for any model."""
+    trials = 0 if campaign.trials is None else len(campaign.trials)
+    for quantity, table, which, what in (
+        ("outcome", campaign.trials, unresolved[:trials], "cuts"),
+        ("limit_depth", campaign.limits, unresolved[trials:], "measured limiting depths"),
+    ):
+        if table is None or not which.any():
+            continue
+        speed = table.spindle_speed[which] / si_factor("spindle_speed_rpm")
+        text = (
+            f"{which.sum()} of {len(which)} {what} say nothing, for none can be computed there, the first at "
+            f"{speed[0]:.4g} rpm: {TOO_SLOW}."
+        )
+        band: dict[str, object] = {"spindle_speed_rpm": [float(speed.min()), float(speed.max())]}
+        yield Failure(quantity=quantity, band=band, excess=0.0, chance=1.0, text=text, counts=False)
+
+
+def _of_tables(campaign: Campaign, compared: Compared, unresolved: NDArray[np.bool_]) -> Iterator[Failure]:
     """Yield where limiting depths, modes and stiffnesses are off to one side over speed, and what has no answer."""
-    for table in _tables(campaign, compared.prediction):
+    for table in rows_of(campaign, compared.prediction, ~unresolved):
         if table.quantity not in compared.contributions or not len(table.apart):
             continue
         known = np.flatnonzero(np.isfinite(table.apart))
@@ -223,73 +250,6 @@ def _of_tables(campaign: Campaign, compared: Compared) -> Iterator[Failure]:
             )
             place = table.spindle_speed / si_factor("spindle_speed_rpm")
             yield from _bands(data, "spindle_speed_rpm", place, "rpm")
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Rows:
-    """Measured rows of a quantity, all (row,).
-
-    what: they are, in words; spindle_speed [rad/s]; apart: ln(measured / predicted), NaN without an answer; error:
-    its standard deviation.
-    """
-
-    quantity: str
-    what: str
-    spindle_speed: Array
-    apart: Array
-    error: Array | float
-
-
-def _tables(campaign: Campaign, prediction: Prediction) -> Iterator[_Rows]:
-    """Yield what was measured row by row, as far as it was."""
-    limits, modes, stiffness = campaign.limits, campaign.natural_frequencies, campaign.stiffness
-    if limits is not None:
-        error = limits.uncertainty / limits.limit_depth
-        yield _Rows(
-            quantity="limit_depth",
-            what="limiting depths",
-            spindle_speed=limits.spindle_speed,
-            apart=prediction.limit_margin,
-            error=error,
-        )
-    if modes is not None:
-        for quantity, what, measured, predicted, width in (
-            (
-                "natural_frequency",
-                "natural frequencies",
-                modes.natural_frequency,
-                prediction.natural_frequency,
-                likelihood.NATURAL_FREQUENCY_ERROR,
-            ),
-            (
-                "damping_ratio",
-                "damping ratios",
-                modes.damping_ratio,
-                prediction.damping_ratio,
-                likelihood.DAMPING_RATIO_ERROR,
-            ),
-        ):
-            some = np.isfinite(measured)
-            yield _Rows(
-                quantity=quantity,
-                what=what,
-                spindle_speed=modes.spindle_speed[some],
-                apart=np.log(measured / predicted)[some],
-                error=width,
-            )
-    if stiffness is not None:
-        for what, measured, predicted in (
-            ("radial stiffnesses", stiffness.radial_stiffness, prediction.radial_stiffness),
-            ("axial stiffnesses", stiffness.axial_stiffness, prediction.axial_stiffness),
-        ):
-            some = np.isfinite(measured)
-            yield _Rows(
-                quantity="bearing_stiffness",
-                what=what,
-                spindle_speed=stiffness.spindle_speed[some],
-                apart=np.log(measured / predicted)[some],
-                error=likelihood.STIFFNESS_ERROR,
-            )
 
 
 def _bands(data: _Data, key: str, place: Array, unit: str) -> Iterator[Failure]:

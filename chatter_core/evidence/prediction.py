@@ -14,7 +14,7 @@ from chatter_core.evidence.nuisances import SENSOR, machine_nuisances, measureme
 from chatter_core.evidence.parameters import Array, Parameter, column
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import Machine
-from chatter_core.stability import Stability, evaluate, without_result
+from chatter_core.stability import Stability, evaluate, too_slow, without_result
 from chatter_core.stages import ComplexArray, Stages, Term, apply_terms
 from chatter_core.tip import most_modes
 
@@ -191,6 +191,22 @@ class CampaignModel:
                 found = evaluate(stages, built, setup.speed_index, at, self.method, plain)
                 result.overwrite(setup.points, found)
         return result
+
+    def unresolved(self, prediction: Prediction) -> NDArray[np.bool_]:
+        """Return the cuts (cut,) without an answer at which the machine as described turns too slowly for any.
+
+        What that machine lacks does not change it: such cuts say nothing of what is missing.
+        """
+        if prediction.cuts is None:
+            return np.zeros(0, dtype=bool)
+        lost = np.isnan(prediction.cuts.margin)
+        if not lost.any():
+            return lost
+        slow = np.zeros(len(lost), dtype=bool)
+        for group, built in zip(self.cuts.groups, self._structures(self.nulls), strict=True):
+            for setup in group.setups:
+                slow[setup.points] = too_slow(self.stages(self.nulls, setup.machine), built)[setup.speed_index]
+        return lost & slow
 
     def _changed(self, values: Array, near: Prediction | None) -> set[str]:
         """Return what the parameters touch whose values differ from those nearby."""

@@ -5,9 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from pipeline import campaigns
 from pipeline.__main__ import main
+from pipeline.campaigns import Asked, options_of
 from pipeline.configuration import compose_settings, words_for
+from pipeline.verbs.campaigns import CompareOptions
 from pipeline.verbs.studies import SweepOptions
+from tests.documentation.commands import ROOT
 from tests.pipeline.studies import WORDS
 
 POINT = ["point", "spindle_speed_rpm=3000", "axial_depth_mm=2", "modes=2", "format=json"]
@@ -16,6 +20,11 @@ POINT = ["point", "spindle_speed_rpm=3000", "axial_depth_mm=2", "modes=2", "form
 def answer(capsys: pytest.CaptureFixture[str], *words: str) -> dict:
     assert main([*POINT, *words]) == 0
     return json.loads(capsys.readouterr().out)
+
+
+def read(words: list[str]) -> Asked:
+    sorted_words = words_for(CompareOptions, words)
+    return campaigns.read(options_of(sorted_words, CompareOptions), sorted_words)
 
 
 def complaint(capsys: pytest.CaptureFixture[str], *words: str) -> str:
@@ -44,6 +53,62 @@ def test_the_static_base_and_what_restores_it(capsys):
     restored = answer(capsys, "base=static_bearing", "effects=[speed_dependent_bearing]")
     assert restored == answer(capsys, "base=full")
     assert answer(capsys, "base=static_bearing") != restored
+
+
+TURNING = "remark: effects.speed_dependent_bearing changes nothing, since the bearings turn already; say "
+KEPT = "remark: effects.higher_modes changes nothing, since it restores up to 4 modes of an axis and 4 are kept; say "
+
+
+@pytest.mark.parametrize(
+    ("words", "remarks"),
+    [
+        (["effects=[speed_dependent_bearing]"], [TURNING]),
+        (["effects=[speed_dependent_bearing]", "base=static_bearing"], []),
+        (
+            ["effects=[higher_modes]", "effects.higher_modes.share=0.2", "effects.higher_modes.modes=2"],
+            ["remark: effects.higher_modes changes nothing, since it restores up to 2 modes of an axis and 2 are kept"],
+        ),
+        (["effects=[higher_modes]"], []),
+    ],
+)
+def test_an_effect_that_finds_what_it_restores_there_already_is_remarked(capsys, words, remarks):
+    answered = answer(capsys, *words)
+    found = answered["remarks"]
+    assert [one[: len(said)] for one, said in zip(found, remarks, strict=True)] == remarks
+    base = answer(capsys, *[word for word in words if not word.startswith("effects")])
+    assert (answered["spectral_radius"] == base["spectral_radius"]) is bool(remarks)
+
+
+SWEEP = ["sweep", "study=smoke", "grid.mode_count={values: [4]}", "grid.modal_parameters=[dynamic]"]
+DATASET = ["dataset", "study=dataset_small"]
+
+
+@pytest.mark.parametrize(
+    ("verb", "more", "said"),
+    [
+        (SWEEP, [], [f"{TURNING}base=static_bearing where", f"{KEPT}grid.mode_count=N with fewer"]),
+        (SWEEP, ["grid.modal_parameters=[dynamic,static]"], [KEPT]),
+        (SWEEP, ["grid.mode_count={values: [1,4]}", "grid.modal_parameters=[static]"], []),
+        (DATASET, [], [f"{TURNING}design.modal_parameters=static where", f"{KEPT}design.mode_count=N with fewer"]),
+        (DATASET, ["design.modal_parameters=static", "design.mode_count=2"], []),
+    ],
+)
+def test_a_study_remarks_effects_that_change_nothing_anywhere_in_it(capsys, monkeypatch, verb, more, said):
+    monkeypatch.setattr(f"pipeline.{verb[0]}.execute_words", lambda *args, **options: 0)
+    overridden = {word.partition("=")[0] for word in more}
+    words = [word for word in verb if word.partition("=")[0] not in overridden] + more
+    assert main([*words, "effects=[higher_modes,speed_dependent_bearing]"]) == 0
+    found = [line for line in capsys.readouterr().out.splitlines() if line.startswith("remark: ")]
+    assert [one[: len(start)] for one, start in zip(found, said, strict=True)] == said
+
+
+def test_a_campaign_remarks_effects_that_change_nothing(capsys):
+    campaign = ROOT / "tests" / "data" / "campaigns" / "d01"
+    words = [f"campaign={campaign}", "effects=[higher_modes,speed_dependent_bearing]"]
+    for base, said in (([], [TURNING, KEPT]), (["base=static_bearing", "modes=2"], [])):
+        read([*words, *base])
+        found = [one for one in capsys.readouterr().out.splitlines() if "changes nothing" in one]
+        assert [one[: len(start)] for one, start in zip(found, said, strict=True)] == said
 
 
 @pytest.mark.parametrize(

@@ -400,7 +400,7 @@ def test_a_machine_with_nothing_missing_is_told_right_once_calibrated(tmp_path):
     with threadpool_limits(1):
         found = calibrate(comparison)
     # Nothing is left beyond what noise explains.
-    assert failures(comparison.model.campaign, comparison.compare(found.estimate), np.zeros(92), found) == []
+    assert failures(comparison.model, comparison.compare(found.estimate), np.zeros(92), found) == []
     model_file.write(tmp_path / "model.yaml", comparison.model.campaign, found, model_file.Content())
     rows = table(DATA / "clean_trials" / "d01.csv")
     file = plan(tmp_path, [[r["trial"], r["spindle_speed_rpm"], r["axial_depth_mm"]] for r in rows])

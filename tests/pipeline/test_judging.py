@@ -158,6 +158,46 @@ def test_an_answer_is_not_written_over_that_of_a_namesake(tmp_path, capsys, quic
     assert (output / "comparison.json").read_bytes() != before
 
 
+@pytest.mark.parametrize(
+    ("file", "row", "other", "why"),
+    [
+        ("modes.csv", "0,1,147,0.004\n0,5,900,", "0,1,148,0.004", "it has none of these measurements"),
+        ("machine.yaml", "kt_mpa: 550", "kt_mpa: 560", "it has another machine, they differ in cutting.kt_mpa"),
+    ],
+)
+def test_an_answer_is_not_written_over_that_of_a_namesake_without_cuts(tmp_path, capsys, quick, file, row, other, why):
+    output, namesake = tmp_path / "out", tmp_path / "elsewhere" / "quick"
+    words = ("compare", f"output={output}", SERIAL)
+    main([*words, f"campaign={quick}"])
+    before = (output / "comparison.json").read_bytes()
+    shutil.copytree(quick, namesake)
+    text = (namesake / file).read_text()
+    assert row in text
+    (namesake / file).write_text(text.replace(row, other))
+    said = refused(capsys, *words, f"campaign={namesake}")
+    assert f"another campaign that is called 'quick': {why}" in said
+    assert (output / "comparison.json").read_bytes() == before
+
+
+@every_verb
+def test_cuts_too_slow_for_any_model_are_told_and_leave_the_verdict_as_it_is(tmp_path, capsys, quick, verb):
+    (quick / "modes.csv").write_text("spindle_speed_rpm,mode,natural_frequency_hz,damping_ratio\n0,1,147,0.004\n")
+    (quick / "stability.csv").write_text(
+        "trial,spindle_speed_rpm,axial_depth_mm,outcome\n1,5,0.5,stable\n2,6,0.5,stable\n"
+    )
+    assert main([verb, f"campaign={quick}", f"output={tmp_path / 'out'}", SERIAL]) == 1
+    said = "2 of 2 cuts say nothing, for none can be computed there, the first at 5 rpm: the spindle is so slow"
+    document = json.loads((tmp_path / "out" / MARKS[verb]).read_text())
+    fails = document["where_it_fails"]
+    (told,) = fails["calibrated"] if verb == "compare" else fails
+    assert told["text"].startswith(said)
+    assert not told["counts"]
+    assert document.get("verdict", "underpowered") == "underpowered"
+    assert said in (tmp_path / "out" / "report.html").read_text()
+    if verb != "improve":
+        assert said in capsys.readouterr().out
+
+
 @every_verb
 def test_nothing_that_was_read_is_written_over(tmp_path, capsys, quick, verb):
     output = tmp_path / "out"

@@ -40,6 +40,12 @@ def test_words_of_the_readme_are_understood(tmp_path, monkeypatch, capsys):
     assert '"spectral_radius"' in capsys.readouterr().out
 
 
+def test_the_readme_shows_the_pictures_of_the_tutorial():
+    shown = re.findall(r"!\[[^\]]+\]\(docs/(images/tutorial_\w+\.png)\)", README)
+    assert shown == re.findall(r"\((images/tutorial_\w+\.png)\)", (ROOT / "docs" / "tutorial.md").read_text())[::-1]
+    assert all((ROOT / "docs" / name).is_file() for name in shown)
+
+
 def test_every_shipped_choice_composes():
     for group, choices in groups().items():
         for choice in choices:

@@ -9,8 +9,17 @@ from chatter_core.effects import variants
 from chatter_core.evidence.failures import Failure
 from chatter_core.evidence.next_measurement import of_cut
 from chatter_core.evidence.next_trial import NextTrial
-from pipeline.diagnosis import what_is_left
-from pipeline.diagnosis_document import WORTH_ITS_COST, next_measurements_data, next_trial_data, unsettled
+from chatter_core.evidence.ranking import NOTHING, Ranked
+from chatter_core.evidence.scores import Score
+from pipeline.diagnosis import Diagnosis, what_is_left
+from pipeline.diagnosis_document import (
+    WORTH_ITS_COST,
+    next_measurements_data,
+    next_trial_data,
+    ranked_data,
+    unsettled,
+)
+from pipeline.diagnosis_page import ranking_rows, summary
 from tests.synthetic import RPM
 
 
@@ -74,3 +83,54 @@ def test_a_cut_is_asked_for_only_where_it_is_expected_to_tell_something(worth):
     assert [one["text"] for one in next_measurements_data(found)] == [
         "cut at 9000 rpm and 1 mm: 0.02 nats for 1 cut"
     ] * worth
+
+
+def ranked(name, gain):
+    best = SimpleNamespace(name=name, names=tuple(name.split(" + ")), candidates=(), fit=SimpleNamespace(parameters=()))
+    return Ranked(name=name, probability=0.1, gain=gain, best=best)
+
+
+@pytest.mark.parametrize(
+    ("others", "second"),
+    [
+        ({"a": 40.0, "b": 30.0, "a + c": 45.0}, "a + c"),
+        ({"a": 40.0, "b": 30.0, "a + c": 35.0}, "a"),
+        ({"a": 40.0, "b": 30.0, "d": 42.0, "a + c": 35.0}, "d"),
+    ],
+)
+def test_a_leading_pair_is_to_be_parted_from_what_gains_most_beside_it(others, second):
+    first, *rest = (ranked(name, gain) for name, gain in {"a + b": 50.0, NOTHING: 0.0, **others}.items())
+    pairs = [first, *(one for one in rest if "+" in one.name)]
+    found = SimpleNamespace(leading_pair=first, pairs=pairs, ranking=[one for one in rest if "+" not in one.name])
+    assert [one.name for one in Diagnosis.contenders.fget(found)] == ["a + b", second]
+
+
+def score(value, **other):
+    return Score(value=value, low=np.nan, high=np.nan, count=9, **other)
+
+
+@pytest.mark.parametrize(
+    ("base", "best", "quantity", "change", "head"),
+    [
+        ({"outcome": score(0.4), "limit_depth": score(0.3)}, {"outcome": score(0.1), "limit_depth": score(0.2)},
+         "outcome", "40.0 to 10.0 %", "held-out error\n"),
+        ({"limit_depth": score(0.3, at_least=True)}, {"limit_depth": score(0.2)}, "limit_depth",
+         "at least 30.0 to 20.0 %", "held-out error of limit depths\n"),
+        ({}, {}, None, "", "held-out error\n"),
+    ],
+)  # fmt: skip
+def test_a_ranking_tells_the_held_out_error_of_what_was_judged(monkeypatch, base, best, quantity, change, head):
+    monkeypatch.setattr("pipeline.diagnosis_document.fit_data", lambda fit: {})
+    effect = ranked("a", 9.0)
+    found = SimpleNamespace(
+        held_out={name: told for name, told in ((NOTHING, base), ("a", best)) if told},
+        ranking=[effect], pair=None, verdict=SimpleNamespace(kind="effect", text=""), corrections=None, not_tried={},
+        next_trial=None, base=effect.best, best=effect.best, judged={NOTHING: SimpleNamespace(failures=[])},
+    )  # fmt: skip
+    monkeypatch.setattr("pipeline.diagnosis_document.unsettled", lambda found: [])
+    told = ranked_data(found, effect)
+    values = [told["heldout_error_before"], told["heldout_error_after"]]
+    expected = [scores[quantity].value for scores in (base, best)] if quantity else [None, None]
+    assert (told["heldout_quantity"], values) == (quantity, expected)
+    assert [row[3] for row in ranking_rows(found)] == [change]
+    assert head in summary(found)

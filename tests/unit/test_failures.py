@@ -12,6 +12,7 @@ from chatter_core.evidence.bands import CHANCE
 from chatter_core.evidence.failures import failures
 from chatter_core.evidence.fit import fit
 from chatter_core.evidence.measured import OUTCOMES, BearingStiffness, Limits, NaturalFrequencies
+from chatter_core.evidence.verdict import failed_checks
 from chatter_core.machine import Machine
 from tests.synthetic import RPM, campaign, measured, receptance, tip_machine, trials
 
@@ -30,7 +31,7 @@ def told(made, values=None, modes=None):
     comparison = Comparison(model=base_model(made))
     compared = comparison.compare(comparison.model.nulls if values is None else values)
     count = 0 if made.trials is None else len(made.trials)
-    return failures(made, compared, np.ones(count) if modes is None else modes, None)
+    return failures(comparison.model, compared, np.ones(count) if modes is None else modes, None)
 
 
 def test_a_right_model_is_told_to_fail_no_more_often_than_chance():
@@ -152,6 +153,35 @@ def test_what_has_no_answer_is_said_to_have_none_and_no_size():
     assert found.excess == 1.0
 
 
+@pytest.mark.parametrize("heard", [False, True])
+def test_cuts_too_slow_for_any_model_are_told_and_count_for_nothing(heard):
+    speed, depth = np.array([4000.0, 5.0, 6.0, 4000.0]) * RPM, np.full(4, 1e-4)
+    cut = trials(speed, depth)
+    heard_at = np.where(heard & (speed < 10.0 * RPM), 2.0 * np.pi * 600.0, np.nan)
+    table = Limits(spindle_speed=np.array([7.0 * RPM]), limit_depth=np.array([5e-3]), uncertainty=np.array([1e-4]))
+    made = campaign(tip_machine(), trials=replace(cut, chatter_frequency=heard_at), limits=table)
+    found = told(made)
+    why = "the spindle is so slow that the waves of its fastest mode in a tooth period cannot be resolved"
+    assert [one.text for one in found] == [
+        f"2 of 4 cuts say nothing, for none can be computed there, the first at 5 rpm: {why}.",
+        f"1 of 1 measured limiting depths say nothing, for none can be computed there, the first at 7 rpm: {why}.",
+    ]
+    assert [one.band["spindle_speed_rpm"] for one in found] == [pytest.approx([5.0, 6.0]), pytest.approx([7.0, 7.0])]
+    assert not any(one.counts for one in found)
+    assert failed_checks(found) == []
+
+
+def test_what_an_effect_cannot_answer_where_the_base_model_can_counts():
+    made = campaign(tip_machine(), trials=trials(np.array([4000.0, 5.0]) * RPM, np.full(2, 1e-4)))
+    comparison = Comparison(model=base_model(made))
+    compared = comparison.compare(comparison.model.nulls)
+    cuts = replace(compared.prediction.cuts, margin=np.full(2, np.nan))
+    compared = replace(compared, prediction=replace(compared.prediction, cuts=cuts))
+    fails, told_only = failures(comparison.model, compared, np.ones(2), None)
+    assert fails.text == "The model has no answer for 1 of 2 cuts; they count as told wrongly."
+    assert failed_checks([fails, told_only]) == [fails]
+
+
 def test_damping_that_is_off_to_one_side_is_told():
     modes = NaturalFrequencies(
         spindle_speed=np.linspace(0.0, 12000.0, 6) * RPM,
@@ -193,7 +223,7 @@ def test_nothing_is_said_of_deeper_where_the_nearest_boundary_is_the_upper_one_o
     cuts = replace(compared.prediction.cuts, margin=np.full(20, 0.3), crossing=np.full(20, 0.3))
     for crossing, said in ((np.full(20, -0.3), True), (np.full(20, 0.3), False)):
         prediction = replace(compared.prediction, cuts=replace(cuts, crossing=crossing))
-        (found,) = failures(made, replace(compared, prediction=prediction), np.ones(20), None)
+        (found,) = failures(comparison.model, replace(compared, prediction=prediction), np.ones(20), None)
         assert ("the boundary lies deeper there" in found.text) == said
 
 
@@ -216,7 +246,7 @@ def test_a_parameter_that_is_bent_far_is_a_finding_by_itself():
     comparison = Comparison(model=base_model(made))
     found = fit(comparison, starts=[bent])
     compared = comparison.compare(found.estimate)
-    pulls = [f for f in failures(made, compared, np.ones(60), found) if f.quantity == "calibration"]
+    pulls = [f for f in failures(comparison.model, compared, np.ones(60), found) if f.quantity == "calibration"]
     assert [f.band["parameter"] for f in pulls] == ["tip_stiffness"]
     assert "a factor of 1." in pulls[0].text
 
@@ -232,22 +262,19 @@ def pulled(**widths):
 
 
 def test_labels_that_err_less_than_is_typical_are_no_finding():
-    campaign_of, fitted = pulled(mislabelled=-4.0, outcome_width=-4.5)
-    compared = campaign_of.compare(campaign_of.model.nulls)
-    made = campaign_of.model.campaign
-    found = [f for f in failures(made, compared, np.ones(60), fitted) if f.quantity == "calibration"]
+    comparison, fitted = pulled(mislabelled=-4.0, outcome_width=-4.5)
+    compared = comparison.compare(comparison.model.nulls)
+    found = [f for f in failures(comparison.model, compared, np.ones(60), fitted) if f.quantity == "calibration"]
     assert found == []
     _, fitted = pulled(mislabelled=4.0, outcome_width=4.5)
-    found = [f for f in failures(made, compared, np.ones(60), fitted) if f.quantity == "calibration"]
+    found = [f for f in failures(comparison.model, compared, np.ones(60), fitted) if f.quantity == "calibration"]
     assert [f.band["parameter"] for f in found] == ["outcome_width", "mislabelled"]
 
 
 def test_a_pull_counts_for_as_many_as_are_looked_at():
     comparison, fitted = pulled(tip_stiffness=3.5)
     compared = comparison.compare(comparison.model.nulls)
-    (found,) = (
-        f for f in failures(comparison.model.campaign, compared, np.ones(60), fitted) if f.quantity == "calibration"
-    )
+    (found,) = (f for f in failures(comparison.model, compared, np.ones(60), fitted) if f.quantity == "calibration")
     alike = [p for p in comparison.parameters if p.touches == "structure"]
     assert len(alike) > 1
     assert found.chance == pytest.approx(len(alike) * 2.0 * stats.norm.sf(3.5))
@@ -270,8 +297,8 @@ def test_a_right_model_is_not_told_to_fail_where_labels_err_as_priors_say():
         compared = comparison.compare(noisy)
         known = SimpleNamespace(parameters=comparison.parameters, estimate=noisy, pull=np.zeros(len(noisy)))
         ways += 2 * 3
-        alarms += sum(f.quantity == "outcome" for f in failures(made, compared, np.ones(150), known))
-        of_typical += sum(f.quantity == "outcome" for f in failures(made, compared, np.ones(150), None))
+        alarms += sum(f.quantity == "outcome" for f in failures(comparison.model, compared, np.ones(150), known))
+        of_typical += sum(f.quantity == "outcome" for f in failures(comparison.model, compared, np.ones(150), None))
     assert alarms <= stats.binom.ppf(0.999, ways, CHANCE)
     # With labels that err as is typical, nothing else, right models would be told to fail.
     assert of_typical > 2 * alarms

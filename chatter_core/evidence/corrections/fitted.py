@@ -123,7 +123,7 @@ def checks_failed(comparison: Comparison, fit: Fit, correction: Correction | Non
     compared = comparison.compare(fit.estimate)
     modes = dominant_modes(comparison.model, compared.prediction).astype(float)
     own = {parameter.name for parameter in correction.parameters} if correction is not None else set()
-    left = failures(comparison.model.campaign, compared, modes, fit)
+    left = failures(comparison.model, compared, modes, fit)
     return failed_checks([one for one in left if one.band.get("parameter") not in own])
 
 
