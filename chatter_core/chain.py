@@ -78,6 +78,13 @@ def structure(
     if not isinstance(mode_count, int | np.integer) or mode_count < 1:
         raise InvalidInput([f"mode_count: found {mode_count}, allowed: whole numbers from 1"])
     stages = stages_of(model)
+    with stages.blaming():
+        return _structure(stages, spindle_speed, mode_count, modal_parameters, mode_selection)
+
+
+def _structure(
+    stages: Stages, spindle_speed: Array, mode_count: int, modal_parameters: str, mode_selection: str
+) -> Structure:
     machine, bearing = stages.machine, None
     solved = np.ones(len(spindle_speed), dtype=bool)
     if machine.tip is not None:

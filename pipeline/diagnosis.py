@@ -1,7 +1,7 @@
 """What is missing in a model: every candidate is fitted to a campaign, and one of five answers given."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -31,7 +31,7 @@ from chatter_core.evidence.verdict import (
     not_ruled_out,
     tied_pairs,
 )
-from chatter_core.stages import Stages
+from chatter_core.stages import ARROWS
 from pipeline.campaigns import require, settings_of
 from pipeline.cluster import Workers
 from pipeline.corrections import Corrections
@@ -42,7 +42,7 @@ from pipeline.search import Singles, arrived, pairs_of, singles, taken_over, wit
 #: Effects that restore what a base model was asked to leave out.
 RESTORING = {"speed_dependent_bearing": "base", "higher_modes": "modes"}
 #: The place in the chain of effects that make teeth unequal.
-PLACE_OF_TEETH = [field.name for field in fields(Stages)].index("teeth")
+PLACE_OF_TEETH = ARROWS.index("teeth")
 #: Verdicts after which the best effect belongs to the model, although others may be tied with it.
 SUPPORTED = ("effect", "ambiguous")
 #: Of the ranking, so many are shown.
@@ -187,7 +187,7 @@ def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
 
 def _cost_order(candidate: Candidate) -> tuple[bool, bool, int, str]:
     """Return what sorts candidates by how long they take, the longest first."""
-    place, name = candidate.place
+    place, _, name = candidate.place
     return place != PLACE_OF_TEETH, candidate.scan is None, -place, name
 
 
