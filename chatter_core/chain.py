@@ -110,6 +110,24 @@ def _structure(
     )
 
 
+def unsolved_structure(spindle_speed: Array, *, mode_count: int) -> Structure:
+    """Return what ``structure`` does where the bearings have an equilibrium at none of the speeds (speed,) [rad/s].
+
+    See docs/physics.md#tool-tip.
+    """
+    nothing = np.full((len(spindle_speed), 2 * mode_count), np.nan)
+    modes = tip.TipModes(
+        axis=np.repeat([0, 1], mode_count),
+        label=np.tile(np.arange(1, mode_count + 1), 2),
+        natural_frequency=nothing,
+        damping_ratio=nothing,
+        modal_mass=nothing,
+        tracking_confidence=nothing,
+    )
+    solved = np.zeros(len(spindle_speed), dtype=bool)
+    return Structure(spindle_speed=spindle_speed, bearing=None, modes=modes, cut_modes=modes, solved=solved)
+
+
 def _bearings(
     stages: Stages, spindle_speed: Array, modal_parameters: str
 ) -> tuple[Array, NDArray[np.intp], BearingState]:

@@ -114,6 +114,7 @@ def read(options: CampaignOptions, words: Words) -> Asked:
         belief = model_file.belief_of(found, options.model, model)
     else:
         belief = _as_configured(settings)
+    model = _tried(model, belief)
     for line in remarks(campaign):
         remark(line)
     name = printable(options.campaign.resolve().name)
@@ -127,6 +128,16 @@ def read(options: CampaignOptions, words: Words) -> Asked:
         unseen=unseen,
         cluster=settings.cluster,
     )
+
+
+def _tried(model: CampaignModel, belief: Belief) -> CampaignModel:
+    """Return a model that forgives laws of the user's own what a fit may ask of them, once they have answered.
+
+    Raises InvalidInput where one of them fails as it is believed to be.
+    """
+    if any(isinstance(term, Effect) and term.own_file is not None for term in model.terms):
+        model.predict(belief.about(model).estimate)
+    return replace(model, forgiving=True)
 
 
 def _settings_of(words: Words, machine_file: Path) -> Settings:

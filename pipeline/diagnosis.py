@@ -4,15 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-import numpy as np
-
 from chatter_core.cards import Card, ShownAsCard
 from chatter_core.effects import Effect, effect_names, variants
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, calibrate
 from chatter_core.evidence.assessment import Assessment, Limits, Version, version
 from chatter_core.evidence.belief import Belief, fitted
-from chatter_core.evidence.candidates import Candidate, Hypothesis, extended, slope_of
+from chatter_core.evidence.candidates import Candidate, Hypothesis, slope_of
 from chatter_core.evidence.failures import Failure
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.next_measurement import NextMeasurement
@@ -37,6 +35,7 @@ from pipeline.cluster import Workers
 from pipeline.corrections import Corrections
 from pipeline.jobs import Job, spread
 from pipeline.model_file import Content
+from pipeline.own_effects import check_own
 from pipeline.search import Singles, arrived, pairs_of, singles, taken_over, with_half_refitted
 
 #: Effects that restore what a base model was asked to leave out.
@@ -49,8 +48,6 @@ SUPPORTED = ("effect", "ambiguous")
 SHOWN = 5
 #: Fewer cuts than this tell nothing, and a receptance with fewer lines than this shows no mode.
 FEWEST_CUTS, FEWEST_LINES = 8, 8
-#: An effect of the user's own that leaves more than this share of the data without an answer is no law of theirs.
-MOST_LOST = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -218,26 +215,6 @@ def _hindrance(effect: Effect, model: CampaignModel) -> str:
     return ""
 
 
-def check_own(comparison: Comparison, candidates: Sequence[Candidate]) -> None:
-    """Raise InvalidInput where an effect of the user's own fails, or leaves most data without an answer.
-
-    Every one is tried before anything is fitted, so that a slip in its file is told at once.
-    """
-    own = [one for one in candidates if isinstance(one.term, Effect) and one.term.own_file is not None]
-    before, problems = comparison.compare(comparison.model.nulls).prediction if own else None, []
-    for one in own:
-        assert isinstance(one.term, Effect)
-        assert before is not None
-        tried, raised = extended(comparison, [one]), {p.name: p.null + p.prior_width for p in one.amplitudes}
-        values = [min(raised.get(p.name, p.null), p.upper) for p in tried.parameters]
-        lost = tried.compare(np.array(values)).prediction.failed - before.failed
-        if lost > MOST_LOST * before.asked:
-            sizes = ", ".join(f"{name} {value:g}" for name, value in raised.items())
-            problems.append(f"effects_path: {one.term.own_file}: at {sizes} it leaves {lost} data without an answer")
-    if problems:
-        raise InvalidInput(problems)
-
-
 def diagnose(
     workers: Workers | None,
     model: CampaignModel,
@@ -254,7 +231,7 @@ def diagnose(
     pairs: of the effect that it has gained with all that promised anything beside that, where those were tried;
     seconds: whether a second effect is looked for beside one that suffices, which takes as long as all before.
     """
-    comparison, candidates = Comparison(model=model), candidates_of(model, content)
+    comparison, candidates = Comparison(model=replace(model, forgiving=True)), candidates_of(model, content)
     check_own(comparison, candidates)
     fit = fitted_before
     if fit is None:

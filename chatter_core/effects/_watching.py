@@ -6,6 +6,7 @@ program's own effects is a fault of the program, and stays one.
 
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,7 +34,13 @@ def watched(effect: "Effect", before: Any, machine: Machine, values: tuple[float
     def lent(*arguments: Any) -> Any:
         return _shut(before(*map(_opened, arguments)))
 
-    law = told(file, effect.transform, lent, machine, values)
+    try:
+        law = told(file, effect.transform, lent, machine, values)
+    except OwnLawFails as failure:
+        if not failure.hangs_on_values:
+            raise
+        # Whoever asks this arrow is told, and what does not hang on it has its answer.
+        return partial(_raise, failure)
     if not callable(law):
         needed = "needed: a function as it was given"
         raise OwnLawFails([f"effects_path: {file}: transform returned {law!r}, {needed}"], hangs_on_values=False)
@@ -45,6 +52,10 @@ def watched(effect: "Effect", before: Any, machine: Machine, values: tuple[float
         return _opened(found)
 
     return stage
+
+
+def _raise(failure: OwnLawFails, *arguments: Any) -> Any:
+    raise failure
 
 
 def _shut(value: Any) -> Any:

@@ -18,7 +18,7 @@ from pipeline.__main__ import main
 
 METHOD = MethodSettings(name="collocation", tolerance=1e-3)
 SPEED, DEPTH = np.array([600.0, 1000.0]), np.array([1e-3, 1e-3])
-#: An effect whose law changes ``found``, what was there before; its first line is the 17th.
+#: An effect whose law changes ``found``, what was there before; its first line is the 18th.
 EFFECT = """
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -33,6 +33,7 @@ class {name}(Effect):
         Parameter(name="size", unit="", doc="size", prior_width=0.2, lower=0.0, upper=2.0, touches="{touches}"),
     )
     def transform(self, before, machine, values):
+        size = values[0]
         def law(*given):
             found = before(*given)
             {law}
@@ -123,7 +124,7 @@ def multipliers(machine: Machine, *effects) -> np.ndarray:
         ("regeneration", "return replace(found, feedback=(None,))", "feedback has None, needed: DelayedFeedback"),
         ("regeneration", FEEDBACK.format("delay=-one.delay"), r"delay is \[-.*\], allowed: above 0 s, up to the peri"),
         ("regeneration", FEEDBACK.format("gain=lambda time: 0.0"), "gain is no array of floating-point numbers"),
-        ("regeneration", FEEDBACK.format("gain=lambda time: {}[1]"), r"mine.py, line 17: KeyError: 1"),
+        ("regeneration", FEEDBACK.format("gain=lambda time: {}[1]"), r"mine.py, line 18: KeyError: 1"),
         ("regeneration", "return replace(found, period=found.period * np.nan)", "period is not finite"),
         ("regeneration", "return replace(found, breakpoints=None)", "breakpoints are no array"),
     ],
@@ -172,7 +173,7 @@ def test_a_law_that_writes_into_what_it_was_given_is_told_with_its_line(
     tmp_path: Path, reference_machine: Machine, stage: str, law: str
 ):
     effect = activate("mine", {"size": 1.0}, write(tmp_path, stage, law))
-    with pytest.raises(OwnLawFails, match=r"mine.py, line 17: ValueError: .*read-only"):
+    with pytest.raises(OwnLawFails, match=r"mine.py, line 18: ValueError: .*read-only"):
         multipliers(reference_machine, effect)
 
 
