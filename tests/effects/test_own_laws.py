@@ -1,5 +1,6 @@
 """Laws of users' own that no chain could use: told with their file, wherever in the chain they act."""
 
+import pickle
 import re
 from pathlib import Path
 
@@ -11,10 +12,14 @@ from chatter_core.effects import activate, apply_effects, effect_class, effect_n
 from chatter_core.effects._own import findings_of_touches
 from chatter_core.errors import InvalidInput, OwnLawFails
 from chatter_core.floquet import MethodSettings
+from chatter_core.lobes import LobeBlock
 from chatter_core.machine import Machine
 from chatter_core.parameters import Parameter
 from chatter_core.stability import critical_multipliers
+from chatter_core.variables import STATUS
 from pipeline.__main__ import main
+from pipeline.kinds.lobes import _guarded
+from tests.pipeline.studies import WORDS
 
 METHOD = MethodSettings(name="collocation", tolerance=1e-3)
 SPEED, DEPTH = np.array([600.0, 1000.0]), np.array([1e-3, 1e-3])
@@ -211,3 +216,43 @@ def test_own_effects_act_after_the_programs_on_an_arrow(tmp_path: Path, referenc
     both = multipliers(reference_machine, own, power)
     assert not np.isnan(both).any()
     assert not np.any(both == multipliers(reference_machine, power))
+
+
+def left(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()} if folder.exists() else set()
+
+
+@pytest.mark.parametrize("law", ["fond", "return replace(found, tangential=-found.tangential)"])
+@pytest.mark.parametrize("verb", [["sweep", *WORDS], ["dataset", "study=dataset_small", "cluster=serial"]])
+def test_a_law_that_fails_at_the_first_cell_leaves_no_store(tmp_path: Path, capsys, verb: list[str], law: str):
+    own = tmp_path / "own"
+    own.mkdir()
+    write(own, "force_coefficients", law)
+    output = tmp_path / "out"
+    assert main([*verb, f"effects_path={own}", "effects=[mine]", f"output={output}"]) == 2
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
+    assert line.startswith(f"error: effects_path: {own}/mine.py")
+    assert not left(output) & {"lobes.zarr", "dataset.zarr", "study.yaml"}
+
+
+def test_a_slip_at_some_speed_ends_a_sweep(tmp_path: Path, capsys):
+    own = tmp_path / "own"
+    own.mkdir()
+    write(own, "force_coefficients", "return fond if (given[1] > 1200.0).any() else found")
+    words = [*WORDS, f"effects_path={own}", "effects=[mine]", f"output={tmp_path / 'out'}"]
+    assert main(["sweep", *words]) == 2
+    assert "mine.py, line 18: NameError: name 'fond' is not defined" in capsys.readouterr().err
+
+
+def test_a_speed_without_an_answer_is_marked():
+    def compute(speeds: np.ndarray) -> LobeBlock:
+        raise OwnLawFails(["mine.py: no answer"])
+
+    block, errors = _guarded(compute, np.array([100.0]), 3)
+    assert (block.status == STATUS["outside_validity"]).all()
+    assert "mine.py: no answer" in errors[0]
+
+
+def test_a_failure_comes_from_a_worker_as_it_was():
+    failure = pickle.loads(pickle.dumps(OwnLawFails(["one", "other"], hangs_on_values=False)))
+    assert (failure.problems, failure.hangs_on_values) == (["one", "other"], False)
