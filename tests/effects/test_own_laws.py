@@ -11,6 +11,8 @@ from chatter_core.chain import structure
 from chatter_core.effects import activate, apply_effects, effect_class, effect_names, variants
 from chatter_core.effects._own import findings_of_touches
 from chatter_core.errors import InvalidInput, OwnLawFails
+from chatter_core.evidence import CampaignModel, Comparison
+from chatter_core.evidence.candidates import Candidate, extended
 from chatter_core.floquet import MethodSettings
 from chatter_core.lobes import LobeBlock
 from chatter_core.machine import Machine
@@ -20,6 +22,7 @@ from chatter_core.variables import STATUS
 from pipeline.__main__ import main
 from pipeline.kinds.lobes import _guarded
 from tests.pipeline.studies import WORDS
+from tests.synthetic import campaign, tip_machine
 
 METHOD = MethodSettings(name="collocation", tolerance=1e-3)
 SPEED, DEPTH = np.array([600.0, 1000.0]), np.array([1e-3, 1e-3])
@@ -216,6 +219,19 @@ def test_own_effects_act_after_the_programs_on_an_arrow(tmp_path: Path, referenc
     both = multipliers(reference_machine, own, power)
     assert not np.isnan(both).any()
     assert not np.any(both == multipliers(reference_machine, power))
+
+
+def test_a_law_may_answer_by_the_gain_that_it_was_lent(tmp_path: Path, reference_machine: Machine):
+    effect = activate("mine", {"size": 1.0}, write(tmp_path, "regeneration", FEEDBACK.format("gain=given[0]")))
+    assert np.array_equal(multipliers(reference_machine, effect), multipliers(reference_machine))
+
+
+def test_a_candidate_of_the_program_acts_before_own_effects_of_the_model(tmp_path: Path):
+    (own,) = variants("aaa", write(tmp_path, "regeneration", "return found", name="aaa"))
+    (power,) = variants("chip_thickness_power_law")
+    candidate = Candidate(name=power.name(), settings={}, term=power, shapes=(), place=power.place())
+    model = CampaignModel(campaign=campaign(tip_machine()), terms=(own,))
+    assert extended(Comparison(model=model), [candidate]).model.terms == (power, own)
 
 
 def left(folder: Path) -> set[str]:
