@@ -78,6 +78,13 @@ def structure(
     if not isinstance(mode_count, int | np.integer) or mode_count < 1:
         raise InvalidInput([f"mode_count: found {mode_count}, allowed: whole numbers from 1"])
     stages = stages_of(model)
+    with stages.blaming():
+        return _structure(stages, spindle_speed, mode_count, modal_parameters, mode_selection)
+
+
+def _structure(
+    stages: Stages, spindle_speed: Array, mode_count: int, modal_parameters: str, mode_selection: str
+) -> Structure:
     machine, bearing = stages.machine, None
     solved = np.ones(len(spindle_speed), dtype=bool)
     if machine.tip is not None:
@@ -101,6 +108,24 @@ def structure(
         cut_modes=stages.cut_modes(modes, spindle_speed),
         solved=solved,
     )
+
+
+def unsolved_structure(spindle_speed: Array, *, mode_count: int) -> Structure:
+    """Return what ``structure`` does where the bearings have an equilibrium at none of the speeds (speed,) [rad/s].
+
+    See docs/physics.md#tool-tip.
+    """
+    nothing = np.full((len(spindle_speed), 2 * mode_count), np.nan)
+    modes = tip.TipModes(
+        axis=np.repeat([0, 1], mode_count),
+        label=np.tile(np.arange(1, mode_count + 1), 2),
+        natural_frequency=nothing,
+        damping_ratio=nothing,
+        modal_mass=nothing,
+        tracking_confidence=nothing,
+    )
+    solved = np.zeros(len(spindle_speed), dtype=bool)
+    return Structure(spindle_speed=spindle_speed, bearing=None, modes=modes, cut_modes=modes, solved=solved)
 
 
 def _bearings(

@@ -16,6 +16,17 @@ class InvalidInput(ChatterError):
         super().__init__("\n".join(problems))
 
 
+class OwnLawFails(InvalidInput):
+    """A law of the user's own raises, or returns what no chain could use.
+
+    hangs_on_values: whether that may be so at some values of its parameters alone; else its file has a slip.
+    """
+
+    def __init__(self, problems: list[str], *, hangs_on_values: bool = True) -> None:
+        self.hangs_on_values = hangs_on_values
+        super().__init__(problems)
+
+
 class NoEquilibrium(ChatterError):
     """A bearing has no equilibrium at an operating point, or a ball leaves its race."""
 

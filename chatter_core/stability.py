@@ -89,9 +89,10 @@ def evaluate(
     """
     result = without_result(len(axial_depth), int(built.cut_modes.label.max()))
     stages = stages_of(model)
-    for points, equation in _equations(stages, built, speed_index, axial_depth, method, refinement, result.status):
-        solution = analyse(equation, method, refinement[points])
-        _fill(result, points, built, speed_index[points], solution, stages.passages.repeat)
+    with stages.blaming():
+        for points, equation in _equations(stages, built, speed_index, axial_depth, method, refinement, result.status):
+            solution = analyse(equation, method, refinement[points])
+            _fill(result, points, built, speed_index[points], solution, stages.passages.repeat)
     return result
 
 
@@ -109,10 +110,11 @@ def critical_multipliers(
     """
     result = np.full(len(axial_depth), np.nan, dtype=complex)
     stages = stages_of(model)
-    for points, equation in _equations(stages, built, speed_index, axial_depth, method, refinement):
-        critical = critical_multiplier(equation, method, refinement[points])
-        growth = per_tooth(critical.value, stages.passages.repeat)
-        result[points] = np.where(critical.converged, growth, np.nan)
+    with stages.blaming():
+        for points, equation in _equations(stages, built, speed_index, axial_depth, method, refinement):
+            critical = critical_multiplier(equation, method, refinement[points])
+            growth = per_tooth(critical.value, stages.passages.repeat)
+            result[points] = np.where(critical.converged, growth, np.nan)
     return result
 
 
@@ -132,9 +134,10 @@ def branches(
     See docs/physics.md#critical-multiplier.
     """
     growth, frequency = np.full((2, len(axial_depth), count), np.nan)
-    for points, equation in _equations(stages, built, speed_index, axial_depth, method):
-        found = leading_multipliers(equation, method, count)
-        growth[points], frequency[points] = _grows(stages, equation, found)
+    with stages.blaming():
+        for points, equation in _equations(stages, built, speed_index, axial_depth, method):
+            found = leading_multipliers(equation, method, count)
+            growth[points], frequency[points] = _grows(stages, equation, found)
     return growth, frequency
 
 
@@ -153,10 +156,11 @@ def motions(
     See docs/physics.md#critical-multiplier.
     """
     chatter, (growth, frequency) = np.full(len(axial_depth), np.nan), np.full((2, len(axial_depth), count), np.nan)
-    for points, equation in _equations(stages, built, speed_index, axial_depth, method):
-        solution, found = analyse_with_leading(equation, method, count)
-        chatter[points] = np.where(solution.converged, _strongest_line(solution), np.nan)
-        growth[points], frequency[points] = _grows(stages, equation, found)
+    with stages.blaming():
+        for points, equation in _equations(stages, built, speed_index, axial_depth, method):
+            solution, found = analyse_with_leading(equation, method, count)
+            chatter[points] = np.where(solution.converged, _strongest_line(solution), np.nan)
+            growth[points], frequency[points] = _grows(stages, equation, found)
     return chatter, growth, frequency
 
 

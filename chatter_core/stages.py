@@ -6,8 +6,10 @@ one wrapped or replaced; the chain asks nothing about it. The functions below ar
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, fields
 from functools import cached_property
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -18,6 +20,7 @@ from chatter_core.bearing import BearingState
 from chatter_core.cutting import CuttingGain, ForceCoefficients
 from chatter_core.joint import Joint
 from chatter_core.machine import Machine, Process, Spindle, Tool
+from chatter_core.own_laws import blaming
 from chatter_core.parameters import Array, Parameter
 from chatter_core.teeth import Engagement, Passages, Teeth, equal_teeth, passages
 from chatter_core.tip import TipModes
@@ -155,9 +158,26 @@ def regeneration(gain: CuttingGain) -> Regeneration:
     )
 
 
+#: Arrows before the cut: bearings, modes and receptances are computed anew when one of them changes.
+OF_THE_STRUCTURE = (
+    "bearing_speed",
+    "preload",
+    "ring_growth",
+    "seat_stiffness",
+    "joints",
+    "gyroscopic_speed",
+    "tip_modes",
+    "receptance",
+    "cut_modes",
+)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Stages:
-    """A machine and the arrows of its chain, in their order; each with the arguments of its default."""
+    """A machine and the arrows of its chain, in their order; each with the arguments of its default.
+
+    own_files: of the user's own laws among them.
+    """
 
     machine: Machine
     bearing_speed: Callable[[Array, str], Array] = bearing_speed
@@ -174,12 +194,21 @@ class Stages:
     teeth: Callable[[Tool], Teeth] = teeth
     force_coefficients: Callable[[Machine, Array], ForceCoefficients] = force_coefficients
     regeneration: Callable[[CuttingGain], Regeneration] = regeneration
+    own_files: tuple[Path, ...] = ()
+
+    def blaming(self) -> AbstractContextManager[None]:
+        """Tell what goes wrong meanwhile as the doing of the user's own laws, where there are any."""
+        return blaming(self.own_files)
 
     @cached_property
     def passages(self) -> Passages:
         """Which tooth cuts at which angles."""
         process = self.machine.process
         return passages(self.teeth(self.machine.tool), self.engagement(process), process.feed_per_tooth)
+
+
+#: All arrows, in the order of the chain.
+ARROWS = tuple(field.name for field in fields(Stages) if field.name not in ("machine", "own_files"))
 
 
 def stages_of(model: Machine | Stages) -> Stages:

@@ -113,6 +113,7 @@ def read(options: CampaignOptions, words: Words) -> Asked:
         belief = model_file.belief_of(found, options.model, model)
     else:
         belief = _as_configured(settings)
+    model = _tried(model, belief)
     for line in remarks(campaign):
         remark(line)
     remark_idle(content.effects, at_rest=content.base == "static_bearing", modes=model.available(model.cut_modes))
@@ -127,6 +128,16 @@ def read(options: CampaignOptions, words: Words) -> Asked:
         unseen=unseen,
         cluster=settings.cluster,
     )
+
+
+def _tried(model: CampaignModel, belief: Belief) -> CampaignModel:
+    """Return a model that forgives laws of the user's own what a fit may ask of them, once they have answered.
+
+    Raises InvalidInput where one of them fails as it is believed to be.
+    """
+    if any(isinstance(term, Effect) and term.own_file is not None for term in model.terms):
+        model.predict(belief.about(model).estimate)
+    return replace(model, forgiving=True)
 
 
 def _settings_of(words: Words, machine_file: Path) -> Settings:

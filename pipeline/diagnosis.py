@@ -1,10 +1,8 @@
 """What is missing in a model: every candidate is fitted to a campaign, and one of five answers given."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-
-import numpy as np
 
 from chatter_core.cards import Card, ShownAsCard
 from chatter_core.effects import Effect, effect_names, variants
@@ -12,7 +10,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, calibrate
 from chatter_core.evidence.assessment import Assessment, Limits, Version, version
 from chatter_core.evidence.belief import Belief, fitted
-from chatter_core.evidence.candidates import Candidate, Hypothesis, extended, slope_of
+from chatter_core.evidence.candidates import Candidate, Hypothesis, slope_of
 from chatter_core.evidence.failures import Failure
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.next_measurement import NextMeasurement
@@ -30,26 +28,25 @@ from chatter_core.evidence.verdict import (
     leading_pair,
     not_ruled_out,
 )
-from chatter_core.stages import Stages
+from chatter_core.stages import ARROWS
 from pipeline.campaigns import require, settings_of
 from pipeline.cluster import Workers
 from pipeline.corrections import Corrections
 from pipeline.jobs import Job, spread
 from pipeline.model_file import Content
+from pipeline.own_effects import check_own
 from pipeline.search import Singles, arrived, pairs_of, singles, taken_over, with_half_refitted
 
 #: Effects that restore what a base model was asked to leave out.
 RESTORING = {"speed_dependent_bearing": "base", "higher_modes": "modes"}
 #: The place in the chain of effects that make teeth unequal.
-PLACE_OF_TEETH = [field.name for field in fields(Stages)].index("teeth")
+PLACE_OF_TEETH = ARROWS.index("teeth")
 #: Verdicts after which the best effect belongs to the model, although others may be tied with it.
 SUPPORTED = ("effect", "ambiguous")
 #: Of the ranking, so many are shown.
 SHOWN = 5
 #: Fewer cuts than this tell nothing, and a receptance with fewer lines than this shows no mode.
 FEWEST_CUTS, FEWEST_LINES = 8, 8
-#: An effect of the user's own that leaves more than this share of the data without an answer is no law of theirs.
-MOST_LOST = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -185,7 +182,7 @@ def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
 
 def _cost_order(candidate: Candidate) -> tuple[bool, bool, int, str]:
     """Return what sorts candidates by how long they take, the longest first."""
-    place, name = candidate.place
+    place, _, name = candidate.place
     return place != PLACE_OF_TEETH, candidate.scan is None, -place, name
 
 
@@ -216,26 +213,6 @@ def _hindrance(effect: Effect, model: CampaignModel) -> str:
     return ""
 
 
-def check_own(comparison: Comparison, candidates: Sequence[Candidate]) -> None:
-    """Raise InvalidInput where an effect of the user's own fails, or leaves most data without an answer.
-
-    Every one is tried before anything is fitted, so that a slip in its file is told at once.
-    """
-    own = [one for one in candidates if isinstance(one.term, Effect) and one.term.own_file is not None]
-    before, problems = comparison.compare(comparison.model.nulls).prediction if own else None, []
-    for one in own:
-        assert isinstance(one.term, Effect)
-        assert before is not None
-        tried, raised = extended(comparison, [one]), {p.name: p.null + p.prior_width for p in one.amplitudes}
-        values = [min(raised.get(p.name, p.null), p.upper) for p in tried.parameters]
-        lost = tried.compare(np.array(values)).prediction.failed - before.failed
-        if lost > MOST_LOST * before.asked:
-            sizes = ", ".join(f"{name} {value:g}" for name, value in raised.items())
-            problems.append(f"effects_path: {one.term.own_file}: at {sizes} it leaves {lost} data without an answer")
-    if problems:
-        raise InvalidInput(problems)
-
-
 def diagnose(
     workers: Workers | None,
     model: CampaignModel,
@@ -252,7 +229,7 @@ def diagnose(
     pairs: of the effect that it has gained with all that promised anything beside that, where those were tried;
     seconds: whether a second effect is looked for beside one that suffices, which takes as long as all before.
     """
-    comparison, candidates = Comparison(model=model), candidates_of(model, content)
+    comparison, candidates = Comparison(model=replace(model, forgiving=True)), candidates_of(model, content)
     check_own(comparison, candidates)
     fit = fitted_before
     if fit is None:

@@ -2,17 +2,17 @@
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields, replace
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
 from chatter_core.cards import Card, ShownAsCard
-from chatter_core.effects._own import told, watched
+from chatter_core.effects._watching import watched
 from chatter_core.errors import InvalidInput
 from chatter_core.machine import Machine
+from chatter_core.own_laws import told
 from chatter_core.parameters import Array, Parameter
-from chatter_core.stages import Stages
+from chatter_core.stages import ARROWS, Stages
 from chatter_core.units import si_factor
 
 #: Spindle speed at which effects that change with speed have their stated size: 10 000 rpm [rad/s].
@@ -94,9 +94,9 @@ class Effect(ShownAsCard, ABC):
         """The field of ``Stages`` that it transforms: its class's, unless a setting chooses another."""
         return self.stage
 
-    def place(self) -> tuple[int, str]:
-        """Return what effects are sorted by: the place of their stage in the chain, then their name."""
-        return [field.name for field in fields(Stages)].index(self.acts_on), self.name()
+    def place(self) -> tuple[int, bool, str]:
+        """Return what effects are sorted by: the place of their stage, the user's own after the others, their name."""
+        return ARROWS.index(self.acts_on), self.own_file is not None, self.name()
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -115,8 +115,11 @@ class Effect(ShownAsCard, ABC):
         if all(value == parameter.null for parameter, value in pairs if parameter.name not in self.shapes):
             return stages
         in_si = tuple(float(value) * si_factor(parameter.name) for parameter, value in pairs)
-        law = self.transform if self.own_file is None else partial(watched, self)
-        return replace(stages, **{self.acts_on: law(getattr(stages, self.acts_on), stages.machine, in_si)})
+        before = getattr(stages, self.acts_on)
+        if self.own_file is None:
+            return replace(stages, **{self.acts_on: self.transform(before, stages.machine, in_si)})
+        law, files = watched(self, before, stages.machine, in_si), (*stages.own_files, self.own_file)
+        return replace(stages, own_files=files, **{self.acts_on: law})
 
     def require(self, machine: Machine) -> None:
         """Raise InvalidInput, naming what is missing, where the effect cannot act on a machine as described."""

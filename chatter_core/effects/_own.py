@@ -1,25 +1,21 @@
-"""Effects of users' own: what their declarations must say, and what becomes of a law that fails.
+"""Effects of users' own: what their declarations must say."""
 
-A slip in a user's file is told with its file and line, as any other input that is not right; what goes wrong in the
-program's own effects is a fault of the program, and stays one.
-"""
-
+import itertools
 import re
-import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import MISSING, fields
 from inspect import isabstract
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from chatter_core.errors import ChatterError, InvalidInput
+from chatter_core.errors import InvalidInput
 from chatter_core.machine import Machine
+from chatter_core.own_laws import told
 from chatter_core.parameters import Parameter, Touches
 from chatter_core.reading import nearest
-from chatter_core.stages import Stages
-from chatter_core.tip import OVER_SPEED, TipModes
+from chatter_core.stages import ARROWS, OF_THE_STRUCTURE
 
 if TYPE_CHECKING:
     from chatter_core.effects._base import Effect
@@ -28,8 +24,7 @@ if TYPE_CHECKING:
 MOST_WAVES = 1e6
 #: What an effect may be said to change.
 CHANGES = ("bearing", "modes", "cut")
-#: What the arrows of the chain may be called, and parameters: the machine itself is no arrow.
-_ARROWS = [field.name for field in fields(Stages) if field.name != "machine"]
+#: What parameters may be called.
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
@@ -51,8 +46,8 @@ def require_complete(kind: "type[Effect]", file: Path) -> None:
 
 
 def _findings(kind: "type[Effect]") -> Iterator[str]:
-    if kind.stage not in _ARROWS:
-        yield f"stage: found {kind.stage!r}; {nearest(str(kind.stage), _ARROWS)}"
+    if kind.stage not in ARROWS:
+        yield f"stage: found {kind.stage!r}; {nearest(str(kind.stage), list(ARROWS))}"
     yield from _findings_of_parameters(kind)
     names = [one.name for one in kind.declared if isinstance(one, Parameter)] if _is_tuple(kind.declared) else []
     yield from _unknown("shapes", kind.shapes, names)
@@ -133,7 +128,25 @@ def _findings_of_making(kind: "type[Effect]") -> Iterator[str]:
         if field.init and field.name not in chosen and field.default is MISSING and field.default_factory is MISSING:
             yield f"{field.name}: a field that is no setting, needed: a value, {field.name} = ..."
             return
-    kind(**{setting.name: setting.choices[0] for setting in kind.settings})
+    for choices in itertools.product(*(setting.choices for setting in kind.settings)):
+        effect = kind(**dict(zip(chosen, choices, strict=True)))
+        if effect.acts_on not in ARROWS:
+            yield f"acts_on: found {effect.acts_on!r}; {nearest(str(effect.acts_on), list(ARROWS))}"
+            return
+        yield from findings_of_touches(effect)
+
+
+def findings_of_touches(effect: "Effect") -> Iterator[str]:
+    """Yield which parameters of an effect say that less has to be computed again than their arrow changes.
+
+    See docs/physics.md#effects.
+    """
+    of_structure = effect.acts_on in OF_THE_STRUCTURE
+    allowed = ("structure",) if of_structure else ("structure", "cut")
+    for one in effect.declared:
+        if one.touches not in allowed:
+            why = f"{effect.acts_on} {'belongs to the structure' if of_structure else 'changes the cut'}"
+            yield f"declared: touches of {one.name}: found {one.touches!r}, allowed: {' or '.join(allowed)}: {why}"
 
 
 def _unknown(key: str, found: Any, allowed: Iterable[str]) -> Iterator[str]:
@@ -147,77 +160,3 @@ def _unknown(key: str, found: Any, allowed: Iterable[str]) -> Iterator[str]:
 
 def _is_tuple(found: object) -> bool:
     return isinstance(found, tuple)
-
-
-def watched(effect: "Effect", before: Any, machine: Machine, values: tuple[float, ...]) -> Any:
-    """Return the stage as a user's effect makes it; whatever fails in the user's file is told with its line.
-
-    Raises InvalidInput where the law raises, now or when the chain asks it, or returns another kind of thing, or an
-    array of another shape, than the stage that it transforms.
-
-    See docs/physics.md#effects.
-    """
-    file, kind = effect.own_file, _returned(effect.acts_on)
-    assert file is not None
-    law = told(file, effect.transform, before, machine, values)
-    if not callable(law):
-        raise InvalidInput([f"effects_path: {file}: transform returned {law!r}, needed: a function as it was given"])
-
-    def stage(*arguments: Any) -> Any:
-        found = told(file, law, *arguments)
-        if not isinstance(found, kind):
-            raise InvalidInput([f"effects_path: {file}: {effect.acts_on} returned {found!r}, needed: {kind.__name__}"])
-        if isinstance(found, np.ndarray) and found.shape != (needed := before(*arguments).shape):
-            raise InvalidInput(
-                [f"effects_path: {file}: {effect.acts_on} returned an array of shape {found.shape}, needed: {needed}"]
-            )
-        if isinstance(found, TipModes) and (wrong := _wrong_in_modes(found)):
-            raise InvalidInput([f"effects_path: {file}: {effect.acts_on} returned modes whose {wrong}"])
-        return found
-
-    return stage
-
-
-def _wrong_in_modes(found: TipModes) -> str | None:
-    """Return what is wrong with the arrays of modes, None where nothing is."""
-    for names, kind, meant in ((("axis", "label"), "i", "whole"), (OVER_SPEED, "f", "floating-point")):
-        for name in names:
-            array = getattr(found, name)
-            if not isinstance(array, np.ndarray) or array.dtype.kind != kind:
-                return f"{name} is no array of {meant} numbers"
-    shapes = {name: getattr(found, name).shape for name in OVER_SPEED}
-    for name, shape in shapes.items():
-        if len(shape) != 2 or shape[1] != found.axis.size or not found.axis.size:
-            return f"{name} has the shape {shape}, needed: (speed, {found.axis.size or 'mode'})"
-    if len({*shapes.values()}) > 1:
-        return f"arrays are of unlike numbers of speeds: {shapes}"
-    if found.label.shape != found.axis.shape or not np.isin(found.axis, (0, 1)).all():
-        return "axis and label are not (mode,) each, or axis is neither 0 nor 1"
-    for name in ("natural_frequency", "modal_mass"):
-        if np.any(getattr(found, name) <= 0.0):
-            return f"{name} is not positive"
-    return None
-
-
-def told(file: Path, call: Callable[..., Any], *arguments: Any) -> Any:
-    """Return what a function of a user's file returns.
-
-    Raises InvalidInput with file and line where it raises anything.
-
-    See docs/physics.md#effects.
-    """
-    try:
-        return call(*arguments)
-    except ChatterError:
-        raise
-    except (Exception, SystemExit) as error:
-        lines = [one.lineno for one in traceback.extract_tb(error.__traceback__) if Path(one.filename) == file]
-        where = f", line {lines[-1]}" if lines else ""
-        raise InvalidInput([f"effects_path: {file}{where}: {type(error).__name__}: {error}"]) from error
-
-
-def _returned(stage: str) -> type:
-    """Return the class of what an arrow of the chain returns."""
-    annotated = get_args(get_type_hints(Stages)[stage])[-1]
-    kind: type = get_origin(annotated) or annotated
-    return kind

@@ -71,6 +71,8 @@ def _problems(key: str, parameter: Parameter, value: Any) -> list[str]:
 def apply_effects(model: Machine | Stages, effects: Iterable[ActiveEffect]) -> Stages:
     """Return the stages of a model with effects, along the chain and by name, however they are listed.
 
+    On an arrow users' own act after the program's, which know what they find there.
+
     Raises InvalidInput when an effect stands twice, or when the machine lacks what one acts on.
 
     See docs/physics.md#effects.

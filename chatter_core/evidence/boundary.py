@@ -14,6 +14,7 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import binary_dilation
 
 from chatter_core.chain import Structure, structure
+from chatter_core.errors import OwnLawFails
 from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.cuts import SMALLEST_RADIUS
 from chatter_core.evidence.parameters import Array
@@ -72,7 +73,11 @@ def sure_field(model: CampaignModel, belief: Belief, setup: int, grid: tuple[int
     """
     machine, points = setups(model)[setup]
     speed, depth = _axes(model, points, grid)
-    growth = _growth_near_boundary(model.stages(belief.about(model).estimate, machine), model, speed, depth)
+    try:
+        growth = _growth_near_boundary(model.stages(belief.about(model).estimate, machine), model, speed, depth)
+    except OwnLawFails as failure:
+        model.forgive(failure)
+        growth = np.full((len(speed), len(depth)), np.nan)
     return Field(
         machine=machine,
         trials=points[points < model.cuts.trials],
@@ -239,14 +244,22 @@ class _Cells:
 
     def growth(self, values: Array) -> Array:
         """Return ln|mu| (cell,) at values (parameter,)."""
-        stages, built = self._built(values)
         method, ones = self.model.method, np.ones(len(self.index))
-        multiplier = critical_multipliers(stages, built, self.index, self.depth, method, ones)
+        try:
+            multiplier = critical_multipliers(*self._built(values), self.index, self.depth, method, ones)
+        except OwnLawFails as failure:
+            self.model.forgive(failure)
+            return np.full(len(self.index), np.nan)
         return np.asarray(np.log(np.maximum(np.abs(multiplier), SMALLEST_RADIUS)))
 
     def motions(self, values: Array) -> tuple[Array, Array]:
         """Return ln|mu| and frequency [rad/s] of the fastest growing motions (cell, motion) at values (parameter,)."""
-        return branches(*self._built(values), self.index, self.depth, self.model.method, MOTIONS)
+        try:
+            return branches(*self._built(values), self.index, self.depth, self.model.method, MOTIONS)
+        except OwnLawFails as failure:
+            self.model.forgive(failure)
+            growth, frequency = np.full((2, len(self.index), MOTIONS), np.nan)
+            return growth, frequency
 
     def _built(self, values: Array) -> tuple[Stages, Structure]:
         stages = self.model.stages(values, self.machine)

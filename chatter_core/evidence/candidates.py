@@ -25,7 +25,7 @@ class Candidate:
     settings: dict[str, str | int]
     term: Term
     shapes: tuple[str, ...]
-    place: tuple[int, str]
+    place: tuple[int, bool, str]
     heard: str | None = None
     scan: tuple[str, tuple[float, ...]] | None = None
 
@@ -75,10 +75,10 @@ def extended(base: Comparison, candidates: Sequence[Candidate]) -> Comparison:
     return replace(base, model=replace(base.model, terms=terms))
 
 
-def _place(term: Term) -> tuple[int, str]:
+def _place(term: Term) -> tuple[int, bool, str]:
     """Return the place of a term along the chain: an effect knows its own, what is none acts before all effects."""
-    place: Callable[[], tuple[int, str]] | None = getattr(term, "place", None)
-    return (-1, "") if place is None else place()
+    place: Callable[[], tuple[int, bool, str]] | None = getattr(term, "place", None)
+    return (-1, False, "") if place is None else place()
 
 
 def slope_of(hypothesis: Hypothesis) -> Array:

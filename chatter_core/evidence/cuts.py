@@ -193,6 +193,18 @@ def predict_cuts(
     return found
 
 
+def unanswered_cuts(setup: Setup, built: Structure) -> CutPrediction:
+    """Return the prediction of the cuts of a setup that a model has no answer for.
+
+    See docs/physics.md#margin.
+    """
+    margin, crossing, slope, left = np.full((4, len(setup.points)), np.nan)
+    silent, solved = _silent(len(setup.points)), np.zeros(len(setup.points), dtype=bool)
+    silent["tooth_passing"] = setup.machine.tool.teeth * built.spindle_speed[setup.speed_index]
+    silent["line_spacing"] = silent["tooth_passing"]
+    return CutPrediction(margin=margin, crossing=crossing, slope=slope, left=left, solved=solved, **silent)
+
+
 def _hear(found: CutPrediction, heard: Indices, repeat: int, critical: Array, growth: Array, frequency: Array) -> None:
     """Fill in what is heard in some of the cuts (heard,), by what ``motions`` tells of them.
 

@@ -6,17 +6,19 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_core.chain import Structure, structure
-from chatter_core.errors import InvalidInput
+from chatter_core.chain import Structure, structure, unsolved_structure
+from chatter_core.errors import InvalidInput, OwnLawFails
 from chatter_core.evidence.campaign import Campaign
-from chatter_core.evidence.cuts import CutPrediction, Cuts, cuts_of, note_lines, predict_cuts, together
+from chatter_core.evidence.cuts import CutPrediction, Cuts, cuts_of, note_lines, predict_cuts, together, unanswered_cuts
+from chatter_core.evidence.measured import Receptance
 from chatter_core.evidence.nuisances import SENSOR, machine_nuisances, measurement_parameters
 from chatter_core.evidence.parameters import Array, Parameter, column
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import Machine
 from chatter_core.stability import Stability, evaluate, too_slow, without_result
 from chatter_core.stages import ComplexArray, Stages, Term, apply_terms
-from chatter_core.tip import most_modes
+from chatter_core.tip import TipModes, most_modes
+from chatter_core.variables import STATUS
 
 #: Modes of an axis in the cut, and in a receptance, whose lines between the peaks feel all that lie above.
 CUT_MODES, RECEPTANCE_MODES = 4, 20
@@ -106,7 +108,8 @@ class CampaignModel:
     """A model of what a campaign measured: the machine as described, seen through terms.
 
     terms: nuisances and effects, applied in this order; campaign: what was measured, and the sensors' own
-    parameters with it; cut_modes, receptance_modes: modes of an axis, at most; method: of Floquet analysis.
+    parameters with it; cut_modes, receptance_modes: modes of an axis, at most; method: of Floquet analysis; forgiving:
+    whether values that a law of the user's own has no answer to count as without one, as a fit needs it.
     The vector of parameters holds the terms' parameters, then the measurements'.
     """
 
@@ -115,6 +118,7 @@ class CampaignModel:
     cut_modes: int = CUT_MODES
     receptance_modes: int = RECEPTANCE_MODES
     method: MethodSettings = FITTING_METHOD
+    forgiving: bool = False
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -151,7 +155,8 @@ class CampaignModel:
         ``near``: a prediction of the same quantities for other values. What no differing parameter touches
         is taken over from it; where values hardly differ, crossings are followed from it.
 
-        Raises InvalidInput when a parameter takes the machine out of its bounds.
+        Raises InvalidInput when a parameter takes the machine out of its bounds, and OwnLawFails where a law of the
+        user's own has a slip, or no answer and the model is not forgiving.
         """
         changed = self._changed(values, near)
         kept = near if "structure" not in changed else None
@@ -177,18 +182,28 @@ class CampaignModel:
             response=response,
         )
 
+    def forgive(self, failure: OwnLawFails) -> None:
+        """Raise the failure of a law of the user's own again, unless it hangs on values and the model is forgiving."""
+        if not (self.forgiving and failure.hangs_on_values):
+            raise failure
+
     def stability(self, prediction: Prediction, offset: Array) -> Stability:
         """Return the stability of every cut (cut,) at ln(depth) ``offset`` (cut,) from its own depth.
 
-        prediction: of the cuts, whose bearings and modes are taken over.
+        prediction: of the cuts, whose bearings and modes are taken over. Raises OwnLawFails as ``predict`` does.
         """
         depth = self.cuts.axial_depth * np.exp(offset)
-        result = without_result(len(depth), max(int(built.cut_modes.label.max()) for built in prediction.structures))
+        modes = max(int(built.cut_modes.label.max()) for built in prediction.structures)
+        result = without_result(len(depth), modes)
         for group, built in zip(self.cuts.groups, prediction.structures, strict=True):
             for setup in group.setups:
-                stages = self.stages(prediction.values, setup.machine)
                 at, plain = depth[setup.points], np.ones(len(setup.points))
-                found = evaluate(stages, built, setup.speed_index, at, self.method, plain)
+                try:
+                    stages = self.stages(prediction.values, setup.machine)
+                    found = evaluate(stages, built, setup.speed_index, at, self.method, plain)
+                except OwnLawFails as failure:
+                    self.forgive(failure)
+                    found = without_result(len(at), modes, STATUS["outside_validity"])
                 result.overwrite(setup.points, found)
         return result
 
@@ -220,12 +235,16 @@ class CampaignModel:
         return cuts_of(self.campaign)
 
     def _structures(self, values: Array) -> tuple[Structure, ...]:
-        structures = []
-        for group in self.cuts.groups:
-            stages = self.stages(values, group.machine)
-            count = self.available(self.cut_modes)
-            structures.append(structure(stages, group.spindle_speed, mode_count=count))
-        return tuple(structures)
+        count = self.available(self.cut_modes)
+        return tuple(self._structure(values, group.machine, group.spindle_speed, count) for group in self.cuts.groups)
+
+    def _structure(self, values: Array, machine: Machine, speeds: Array, count: int) -> Structure:
+        """Return bearings and modes, unsolved where values without an answer are forgiven."""
+        try:
+            return structure(self.stages(values, machine), speeds, mode_count=count)
+        except OwnLawFails as failure:
+            self.forgive(failure)
+            return unsolved_structure(speeds, mode_count=count)
 
     def _predict_cuts(self, values: Array, structures: tuple[Structure, ...], near: Prediction | None) -> CutPrediction:
         """Return the prediction of all cuts."""
@@ -237,12 +256,16 @@ class CampaignModel:
         for number, group in enumerate(self.cuts.groups):
             for setup in group.setups:
                 stages, built = self.stages(values, setup.machine), structures[number]
-                if known is not None:
-                    assert near is not None
-                    own = self.stages(near.values, setup.machine)
-                    note_lines(known, own, self.cuts, setup, near.structures[number], self.method)
-                parts.append(predict_cuts(stages, self.cuts, setup, built, self.method, known))
                 places.append(setup.points)
+                try:
+                    if known is not None:
+                        assert near is not None
+                        own = self.stages(near.values, setup.machine)
+                        note_lines(known, own, self.cuts, setup, near.structures[number], self.method)
+                    parts.append(predict_cuts(stages, self.cuts, setup, built, self.method, known))
+                except OwnLawFails as failure:
+                    self.forgive(failure)
+                    parts.append(unanswered_cuts(setup, built))
         return together(parts, places)
 
     def available(self, most: int) -> int:
@@ -259,8 +282,7 @@ class CampaignModel:
         speeds = np.unique([one.spindle_speed for one in measured])
         built = kept.response if kept is not None else None
         if built is None:
-            count = self.available(self.receptance_modes)
-            built = structure(stages, speeds, mode_count=count)
+            built = self._structure(values, self.campaign.machine, speeds, self.available(self.receptance_modes))
         sensors = self._sensors(values)
         responses = []
         for number, one in enumerate(measured):
@@ -269,9 +291,18 @@ class CampaignModel:
                 continue
             gain, phase, scale = sensors[number]
             modes = built.modes.at(np.searchsorted(speeds, [one.spindle_speed]))
-            seen = stages.receptance(modes, one.frequency * np.exp(-scale))[0, :, one.output_axis, one.input_axis]
+            seen = self._seen(stages, modes, one, one.frequency * np.exp(-scale))
             responses.append(seen * np.exp(gain + 1j * phase))
         return built, tuple(responses)
+
+    def _seen(self, stages: Stages, modes: TipModes, one: Receptance, frequency: Array) -> ComplexArray:
+        """Return a response at frequencies (line,) [rad/s], NaN where there are no modes or no answer is forgiven."""
+        try:
+            with np.errstate(invalid="ignore"):
+                return stages.receptance(modes, frequency)[0, :, one.output_axis, one.input_axis]
+        except OwnLawFails as failure:
+            self.forgive(failure)
+            return np.full(len(frequency), np.nan, dtype=complex)
 
     def _sensors(self, values: Array) -> Array:
         """Return gain, phase and frequency scale of every response (response, 3)."""
@@ -286,10 +317,9 @@ class CampaignModel:
             return np.empty(0), np.empty(0)
         if kept is not None:
             return kept.natural_frequency, kept.damping_ratio
-        stages = self.stages(values)
         speeds, row = np.unique(measured.spindle_speed, return_inverse=True)
         count = self.available(int(measured.mode.max()))
-        modes = structure(stages, speeds, mode_count=count).modes
+        modes = self._structure(values, self.campaign.machine, speeds, count).modes
         # The first axis that has a mode of this number; where none has, the model has no answer.
         alike = modes.label == measured.mode[:, None]
         first = alike.argmax(axis=1)
@@ -306,8 +336,8 @@ class CampaignModel:
         radial, axial = np.full((2, len(measured.preload)), np.nan)
         for preload in np.unique(measured.preload) if machine.spindle is not None else ():
             rows = np.flatnonzero(measured.preload == preload)
-            stages = self.stages(values, machine.with_preload(float(preload)))
-            bearing = structure(stages, measured.spindle_speed[rows], mode_count=1).bearing
+            preloaded = machine.with_preload(float(preload))
+            bearing = self._structure(values, preloaded, measured.spindle_speed[rows], 1).bearing
             if bearing is not None:
                 radial[rows], axial[rows] = bearing.radial_stiffness, bearing.axial_stiffness
         return radial, axial

@@ -21,7 +21,7 @@ from pipeline.chunks import Chunk
 from pipeline.design import DatasetSettings, Description, Design, described, draw
 from pipeline.design.distributions import Choice
 from pipeline.kinds.kernels import function_of
-from pipeline.kinds.kind import Computed, Kind, status_of
+from pipeline.kinds.kind import Computed, Kind, raise_slip, status_of
 from pipeline.modes import check_modes
 from pipeline.places import DATASET as STORE
 from pipeline.places import Place
@@ -82,7 +82,8 @@ class Dataset(Kind):
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, Any]]:
         """Return coordinates, the numbers of the design and the parts, and what its words stand for.
 
-        Raises InvalidInput where a machine of the design cannot be.
+        Raises InvalidInput where a machine of the design cannot be, and where a law of the user's own fails for its
+        first.
         """
         design = settings.design
         check_modes(settings.machine, design.mode_count, "design.mode_count")
@@ -91,6 +92,9 @@ class Dataset(Kind):
         of_machines = np.repeat(drawn.machines[:, None], cuts, axis=1)
         numbers = np.concatenate([of_machines, drawn.cuts], axis=2)
         _check(settings, numbers)
+        first = Described(base=settings.base, design=design, method=settings.method, numbers=numbers)
+        if any(cut.own_files for cut in first.cuts_of(0, settings.effects_path)[:1]):
+            self.compute_first(first, settings.effects_path)
         varied = design.varied
         values = {
             "machine": np.arange(machines),
@@ -124,6 +128,7 @@ class Dataset(Kind):
                 )
                 samples.append(Computed(arrays=arrays, status=status))
             except Exception as error:
+                raise_slip(error)
                 samples.append(_marked(described.numbers.shape[1], len(speeds), design.mode_count, status_of(error)))
                 errors.append(f"machine {machine}: " + traceback.format_exc(limit=-3).strip())
         return Computed(

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from chatter_core.errors import InvalidInput, NoEquilibrium
+from chatter_core.errors import InvalidInput, NoEquilibrium, OwnLawFails
 from chatter_core.variables import STATUS, Variable
 from pipeline.chunks import Chunk
 from pipeline.places import Place
@@ -39,6 +39,12 @@ def joined(parts: Sequence[Computed]) -> Computed:
 def status_of(error: Exception) -> int:
     """Return the status of what raised: outside what the model holds for, or not computed."""
     return STATUS["outside_validity" if isinstance(error, NoEquilibrium | InvalidInput) else "not_converged"]
+
+
+def raise_slip(error: Exception) -> None:
+    """Raise an error again that is a slip in a user's own file: it is to be mended, and no cell marked for it."""
+    if isinstance(error, OwnLawFails) and not error.hangs_on_values:
+        raise error
 
 
 class Kind(ABC):
@@ -91,7 +97,10 @@ class Kind(ABC):
 
     @abstractmethod
     def compute(self, described: Any, chunk: Chunk, kernel: str, effects_path: Path | None) -> Computed:
-        """Compute a chunk; what raises is narrowed down to its entries, and those are marked."""
+        """Compute a chunk; what raises is narrowed down to its entries, and those are marked.
+
+        Raises OwnLawFails for a slip in a user's own file.
+        """
 
     @abstractmethod
     def compute_first(self, described: Any, effects_path: Path | None) -> None:

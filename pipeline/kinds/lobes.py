@@ -17,7 +17,7 @@ from chatter_core.units import SUFFIXES
 from chatter_core.variables import CELL_STATUS, STRUCTURE, SWEEP
 from pipeline.chunks import Chunk
 from pipeline.kinds.kernels import function_of
-from pipeline.kinds.kind import Computed, Kind, status_of
+from pipeline.kinds.kind import Computed, Kind, raise_slip, status_of
 from pipeline.modes import modes_called
 from pipeline.places import LOBES, Place
 from pipeline.settings import Settings, model_with
@@ -64,11 +64,14 @@ class Lobes(Kind):
     def written_whole(self, settings: Settings) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, Any]]:
         """Return coordinates and structure, in the units of the border; no further attributes.
 
-        Raises InvalidInput where the machine has not the modes that the grid asks for.
+        Raises InvalidInput where the machine has not the modes that the grid asks for, and where a law of the user's
+        own fails at its first cell.
         """
         values = coordinate_values(settings)
         with modes_called("grid.mode_count"):
-            return values, _structure(settings, values), {}
+            found = _structure(settings, values)
+        _try_own(settings, values)
+        return values, found, {}
 
     def described(self, attributes: Mapping[str, Any], read: Callable[[str], np.ndarray]) -> Described:
         """Return what all chunks of a store share."""
@@ -91,7 +94,7 @@ class Lobes(Kind):
         parameters, preload, modes = (
             values[name][i] for name, i in zip(("modal_parameters", "preload", "mode_count"), chunk.outer, strict=True)
         )
-        machine = described.machine.with_preload(float(preload)) if described.machine.spindle else described.machine
+        machine = _preloaded(described.machine, preload)
         model, physics = model_with(machine, described.effects, effects_path), function_of(kernel)
         depth = values["axial_depth"] * SUFFIXES["mm"][0]
 
@@ -168,17 +171,40 @@ def _structure(settings: Settings, values: dict[str, np.ndarray]) -> dict[str, n
     }
     for i, parameters in enumerate(settings.grid.modal_parameters):
         for j, preload in enumerate(values["preload"]):
-            machine = settings.machine.with_preload(float(preload)) if settings.machine.spindle else settings.machine
+            model = settings.model(_preloaded(settings.machine, preload))
             found = structure_variables(
-                settings.model(machine), speed, mode_count=int(values["mode_count"][-1]), modal_parameters=parameters
+                model, speed, mode_count=int(values["mode_count"][-1]), modal_parameters=parameters
             )
             for name, array in found.items():
                 arrays[name][i, j] = array / STRUCTURE[name].si_factor
     return arrays
 
 
+def _preloaded(machine: Machine, preload: float) -> Machine:
+    """Return a machine with a preload [N]; one of measured tip modes knows none."""
+    return machine.with_preload(float(preload)) if machine.spindle else machine
+
+
+def _try_own(settings: Settings, values: dict[str, np.ndarray]) -> None:
+    """Compute the first cell where laws of the user's own are on; raises InvalidInput where one of them fails."""
+    model = settings.model(_preloaded(settings.machine, values["preload"][0]))
+    if model.own_files:
+        function_of(KERNEL)(
+            model,
+            spindle_speed=values["spindle_speed"][:1] * SUFFIXES["rpm"][0],
+            axial_depth=values["axial_depth"][:1] * SUFFIXES["mm"][0],
+            mode_count=int(values["mode_count"][0]),
+            modal_parameters=str(values["modal_parameters"][0]),
+            method=settings.method,
+            mode_selection=settings.grid.mode_selection,
+        )
+
+
 def _guarded(compute: Callable[[np.ndarray], LobeBlock], speed: np.ndarray, depths: int) -> tuple[LobeBlock, list[str]]:
-    """Compute a block; where that raises, compute it speed by speed and mark those that raise."""
+    """Compute a block; where that raises, compute it speed by speed and mark those that raise.
+
+    Raises OwnLawFails for a slip in a user's file, which no other speed mends.
+    """
     try:
         return compute(speed), []
     except Exception:
@@ -187,6 +213,7 @@ def _guarded(compute: Callable[[np.ndarray], LobeBlock], speed: np.ndarray, dept
             try:
                 blocks.append(compute(np.array([one])))
             except Exception as error:
+                raise_slip(error)
                 blocks.append(_marked(depths, status_of(error)))
                 errors.append(f"{one / SUFFIXES['rpm'][0]:.6g} rpm: " + traceback.format_exc(limit=-3).strip())
         joined = {f.name: np.concatenate([getattr(block, f.name) for block in blocks]) for f in fields(LobeBlock)}
