@@ -86,9 +86,11 @@ def test_of_two_starts_the_higher_end_counts():
     both = (held_out(comparison, *starts, 1) for starts in ((astray, before), (fit.estimate, astray)))
     mine = np.isfinite(wanted.margin)
     assert np.abs(lost.margin - wanted.margin)[mine].max() > 0.01
-    # What 0.005 nats leave of a deviation of 0.02, on either side.
+    # What 0.005 nats leave of a deviation of 0.02, on either side; far from the boundary margins are less sure.
+    near = np.abs(wanted.margin) < 0.3
     for found in both:
-        assert found.margin[mine] == pytest.approx(wanted.margin[mine], abs=0.006)
+        assert found.margin[near] == pytest.approx(wanted.margin[near], abs=0.006)
+        assert ((found.margin > 0.0) == (wanted.margin > 0.0))[mine].all()
 
 
 def test_a_group_may_hold_every_trial_or_every_marginal_one():
