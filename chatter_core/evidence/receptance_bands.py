@@ -46,20 +46,20 @@ def misfits(campaign: Campaign, prediction: Prediction) -> list[Misfit]:
     responses, ranges = campaign.receptances, measuring_ranges(campaign.receptances)
     weights = likelihood.line_weights([one.value for one in responses], ranges)
     bands = [
-        (measured, predicted, error, weight, mode, lines)
+        (measured, predicted, largest, weight, mode, lines)
         for measured, predicted, largest, weight in zip(responses, prediction.receptances, ranges, weights, strict=True)
-        for error in [likelihood.line_errors(measured.value, largest)]
         for mode, lines in _loud_bands(measured, predicted, largest, prediction)
     ]
     found = []
-    for measured, predicted, error, weight, mode, lines in bands:
+    for measured, predicted, largest, weight, mode, lines in bands:
+        error = likelihood.line_errors(measured.value, largest)[lines]
         apart = measured.value[lines] - np.nan_to_num(predicted[lines])
         # Both parts of a line have that error each.
-        numbers, square = 2.0 * weight * len(lines), weight * float((np.abs(apart / error[lines]) ** 2).sum())
+        numbers, square = 2.0 * weight * len(lines), weight * float((np.abs(apart / error) ** 2).sum())
         chance = min(1.0, len(bands) * float(stats.chi2.sf(square, numbers)))
         if chance < CHANCE:
             norm = np.linalg.norm(measured.value[lines])
-            share = float(np.linalg.norm(apart) / norm), float(np.linalg.norm(error[lines]) * np.sqrt(2.0) / norm)
+            share = float(np.linalg.norm(apart) / norm), float(np.linalg.norm(error) * np.sqrt(2.0) / norm)
             found.append(_misfit(measured, predicted, mode, lines, share, chance))
     return found
 
