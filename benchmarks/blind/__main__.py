@@ -1,4 +1,4 @@
-"""Make campaigns, diagnose them blind, and judge: python -m benchmarks.blind {calibration,test,second} FOLDER.
+"""Make campaigns, diagnose them blind, and judge: python -m benchmarks.blind {calibration,test,second,third} FOLDER.
 
 FOLDER/campaigns/SEED is what a diagnosis sees, FOLDER/truth/SEED what it does not: the truth is opened when all
 diagnoses are there. The same command continues what was interrupted.

@@ -14,7 +14,7 @@ import yaml
 from tests.hidden_effect.ball_bearing import NoEquilibrium
 from tests.hidden_effect.design import Plan, plan
 from tests.hidden_effect.drawing import draw_machine, true_machine
-from tests.hidden_effect.effects import FOREIGN, NAMED, SECOND, prepared
+from tests.hidden_effect.effects import FOREIGN, LATER, NAMED, prepared
 from tests.hidden_effect.hidden import Hidden, thermal_history
 from tests.hidden_effect.machine import Machine, described
 from tests.hidden_effect.measure import Row, Scheme, bearing_rows, draw_scheme, mode_rows, receptance, receptance_rows
@@ -58,7 +58,7 @@ class Shop:
 
 def hide(plan: Plan, machine: Machine, rng: Generator) -> Hidden:
     """Draw the parameters of the planned effects for a machine."""
-    laws = NAMED | FOREIGN | (SECOND if plan.second else {})
+    laws = NAMED | FOREIGN | (LATER if plan.later else {})
     drawn: dict[str, object] = {}
     for name, strength in zip(plan.effects, plan.strengths, strict=True):
         drawn |= laws[name](strength, rng, machine)

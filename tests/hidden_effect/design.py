@@ -10,13 +10,19 @@ import numpy as np
 
 from tests.hidden_effect.effects import FOREIGN, NAMED
 
-#: Seeds for choosing thresholds and temperatures, and seeds for a judgement each; no seed is in two of them. The second
-#: test is for programs that were changed because of what the first one showed.
+#: Seeds for choosing thresholds and temperatures, and seeds for a judgement each; no seed is in two of them. Later tests
+#: are for programs that were changed because of what earlier ones showed.
 CALIBRATION_SEEDS = range(1000, 1200)
 TEST_SEEDS = range(5000, 5200)
 SECOND_TEST_SEEDS = range(6000, 6200)
+THIRD_TEST_SEEDS = range(7000, 7200)
 #: The same by the names that commands know them by.
-SEEDS = {"calibration": CALIBRATION_SEEDS, "test": TEST_SEEDS, "second": SECOND_TEST_SEEDS}
+SEEDS = {
+    "calibration": CALIBRATION_SEEDS,
+    "test": TEST_SEEDS,
+    "second": SECOND_TEST_SEEDS,
+    "third": THIRD_TEST_SEEDS,
+}
 
 BLOCK = 20
 KINDS = ("none",) * 5 + ("one",) * 11 + ("two",) * 2 + ("foreign",) * 2
@@ -26,18 +32,18 @@ KINDS = ("none",) * 5 + ("one",) * 11 + ("two",) * 2 + ("foreign",) * 2
 class Plan:
     """kind: none, one, two or foreign; effects: names; strengths: each 0 (weak) to 1 (strong).
 
-    second: whether it is of the second test, with other laws where the program's has become like the first one's.
+    later: whether it is of a later test, with other laws where the program's has become like the first one's.
     """
 
     kind: str
     effects: tuple[str, ...]
     strengths: tuple[float, ...]
-    second: bool = False
+    later: bool = False
 
 
 def plan(seed: int) -> Plan:
     """Return what a seed hides."""
-    return replace(_planned(seed), second=seed in SECOND_TEST_SEEDS)
+    return replace(_planned(seed), later=seed not in CALIBRATION_SEEDS and seed not in TEST_SEEDS)
 
 
 def _planned(seed: int) -> Plan:

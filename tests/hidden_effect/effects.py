@@ -202,8 +202,8 @@ NAMED: dict[str, Draw] = {
     "radial_immersion_error": _immersion,
     "drawbar_stiffness": _drawbar,
 }
-#: Laws of the second test where the program has meanwhile one like the first.
-SECOND: dict[str, Draw] = {"directional_asymmetry": _unequal_asymmetry}
+#: Laws of later tests where the program has meanwhile one like the first.
+LATER: dict[str, Draw] = {"directional_asymmetry": _unequal_asymmetry}
 #: Effects that nobody has a name for.
 FOREIGN: dict[str, Draw] = {
     "tool_wear": _tool_wear,

@@ -63,13 +63,14 @@ def test_seeds_of_calibration_and_tests_are_apart():
     assert len(set().union(*SEEDS.values())) == sum(map(len, SEEDS.values()))
 
 
-def test_the_second_test_has_laws_of_its_own():
+def test_later_tests_have_laws_of_their_own():
     """Seats that give unequally in y, where those of the first test give alike; what else is drawn is as before."""
     laws = {name: plan(next(s for s in SEEDS[name] if plan(s).effects == ("directional_asymmetry",))) for name in SEEDS}
     papers, _ = draw_machine(np.random.default_rng(3))
     hidden = {name: hide(one, papers, np.random.default_rng(4)) for name, one in laws.items()}
     assert hidden["calibration"].rear_seat_y_share == hidden["test"].rear_seat_y_share == 1.0
     assert 0.0 < hidden["second"].rear_seat_y_share < 1.0
+    assert 0.0 < hidden["third"].rear_seat_y_share < 1.0
     spindle = Spindle(papers, hidden["second"])
     bearing = spindle.bearing_stiffness(0.0, papers.preload_n)
     alike = Spindle(papers, replace(hidden["second"], rear_seat_y_share=1.0))
