@@ -239,7 +239,7 @@ def _as_moved(
 ) -> tuple[cutting.CuttingGain, NDArray[np.bool_] | None]:
     """Return the gain with who cuts what on the motion that the cut forces, and where that was found (point,)."""
     teeth, process = stages.teeth(stages.machine.tool), stages.machine.process
-    if teeth.repeat == 1:
+    if teeth.repeat == 1 or not stages.forced_motion:
         return gain, None
     met = forced_contact(gain, teeth, stages.engagement(process), process.feed_per_tooth, system, system_index)
     return replace(gain, passages=met.passages), met.found

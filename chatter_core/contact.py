@@ -23,19 +23,7 @@ from numpy.typing import NDArray
 
 from chatter_core.cutting import CuttingGain
 from chatter_core.floquet import LinearSystem
-from chatter_core.forced_motion import (
-    COARSE,
-    Answer,
-    Cut,
-    Modes,
-    answer,
-    at,
-    move,
-    periodic_answer,
-    repeating_force,
-    surface,
-    twice,
-)
+from chatter_core.forced_motion import Cut, Modes, at, move, repeating_force, steps_of, surface
 from chatter_core.jit import compiled
 from chatter_core.teeth import Engagement, Passages, Teeth
 
@@ -92,7 +80,8 @@ def forced_contact(
     speed = np.empty(len(system.state_matrix))
     speed[system_index] = cut.spindle_speed
     motion, found = np.zeros((len(lag), 2, count * SAMPLES * FINER)), np.zeros(len(lag), dtype=np.bool_)
-    moved = _moved(system, 2.0 * math.pi / speed, passed)
+    half = system.half_spectrum
+    modes = Modes(half.poles, half.seen, half.driven)
     tangential, radial = (
         np.broadcast_to(np.asarray(one, dtype=float), lag.shape)
         for one in (cut.coefficients.tangential, cut.coefficients.radial)
@@ -103,7 +92,8 @@ def forced_contact(
         begin = np.zeros((len(points), count * slices, count, STRETCHES))
         end, motions, arrived = np.zeros_like(begin), motion[points], found[points]
         _meet(
-            *moved,
+            modes,
+            2.0 * math.pi / speed,
             system_index[points],
             lag[points],
             cut.axial_depth[points] / slices,
@@ -123,19 +113,6 @@ def forced_contact(
         motion[points], found[points] = motions, arrived
         parts.append((points, _listed(begin, end, ahead, passed, longer, int(slices), teeth.repeat)))
     return Contact(passages=_together(parts, len(lag)), motion=motion.swapaxes(1, 2), found=found)
-
-
-def _moved(system: LinearSystem, revolution: Array, passed: Array) -> tuple[Modes, Array, Answer, Answer, Array]:
-    """Return what ``_meet`` has to know of all systems: modes, revolutions (system,) [s], and what forces move."""
-    count, half = len(passed), system.half_spectrum
-    fine = periodic_answer(system, revolution, count * SAMPLES, FINER)
-    return (
-        Modes(half.poles, half.seen, half.driven),
-        revolution,
-        answer(fine[:, ::FINER], passed * SAMPLES),
-        answer(periodic_answer(system, revolution, count * COARSE), passed * COARSE),
-        twice(fine),
-    )
 
 
 def slices_of(lag: Array, engagement: Engagement) -> NDArray[np.intp]:
@@ -193,8 +170,8 @@ def _listed(begin: Array, end: Array, ahead: Array, passed: Array, longer: Array
 
 @compiled
 def _meet(  # type: ignore[no-untyped-def]
-    modes, revolutions, answers, coarse, fine, system, lags, depths, tangentials, radials, ahead, passed, longer, feed,
-    entry, leave, motions, begin, end, found,
+    modes, revolutions, system, lags, depths, tangentials, radials, ahead, passed, longer, feed, entry, leave, motions,
+    begin, end, found,
 ):  # fmt: skip
     """Fill in the motions, where each edge begins and ends to follow each other, and what was found."""
     edges = begin.shape[1]
@@ -204,15 +181,10 @@ def _meet(  # type: ignore[no-untyped-def]
         for e in range(edges):
             offset[e] = ahead[e // slices] - lags[p] * (e % slices + 0.5) / slices
         cut = Cut(offset, entry, leave, passed, longer, feed, depths[p] * tangentials[p], depths[p] * radials[p])
-        s = system[p]
-        force, found[p] = repeating_force(
-            cut,
-            Modes(modes.poles[s], modes.seen[s], modes.driven[s]),
-            revolutions[s],
-            Answer(answers.after[s], answers.between[s]),
-            Answer(coarse.after[s], coarse.between[s]),
-        )
-        move(fine[s], force, motions[p])
+        own = Modes(modes.poles[system[p]], modes.seen[system[p]], modes.driven[system[p]])
+        revolution = revolutions[system[p]]
+        force, found[p] = repeating_force(cut, own, revolution, len(ahead) * SAMPLES)
+        move(steps_of(own, revolution, motions.shape[2]), force, motions[p])
         for e in range(edges):
             _follow(cut, motions[p], e, begin[p, e], end[p, e])
 

@@ -185,10 +185,14 @@ def _add_edges(edges, gain):  # type: ignore[no-untyped-def]
                 continue
             lag, depth = edges.lag_angle[p] * part, edges.axial_depth[p] * part
             ahead = edges.ahead[q] - edges.lag_angle[p] * edges.lower[q]
+            first, stop = math.floor(entry / edges.turn), beyond(leave, lag, edges.turn)
             for t in range(edges.time.shape[1]):
                 phase = within_turn(edges.spindle_speed[p] * edges.time[p, t] + ahead, edges.turn)
-                for number in range(math.floor(entry / edges.turn), beyond(leave, lag, edges.turn)):
+                for number in range(first, stop):
                     angle = phase + edges.turn * number
+                    # Mostly it is not in the cut, and to know by how much would take most of the time.
+                    if not entry < angle < leave + max(lag, SMALLEST_LAG):
+                        continue
                     leaves, enters = engaged_share(angle, entry, leave, lag)
                     if enters <= leaves:
                         continue

@@ -16,9 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_core.floquet import LinearSystem
 from chatter_core.jit import compiled
-from chatter_core.linear_equations import solve
+from chatter_core.linear_equations import arrived, begun, combined
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -29,6 +28,10 @@ LONG, CORRECTIONS = 150, 2
 NEAR, REPEATS = 1e-2, 1e-4
 #: Newton steps at most, and halvings of one that does not come nearer.
 STEPS, HALVINGS = 16, 5
+#: It gives up where so many steps have not come nearer by this share: it goes round in circles.
+PATIENCE, NEARER = 4, 0.5
+#: Below this size of z sums tell (e^z - 1) / z and (e^z - 1 - z) / z^2, of so many terms, to rounding.
+NEAR_ZERO, TERMS = 0.5, 16
 #: A motion is followed from none at so many depths, with Newton steps at each and samples in a mean pitch.
 RUNGS, RUNG_STEPS, COARSE = 8, 4, 8
 #: Depths on the way to a motion that is not found otherwise, one set after the other.
@@ -63,15 +66,19 @@ class Modes(NamedTuple):
     driven: ComplexArray
 
 
-class Answer(NamedTuple):
-    """What a force at one sample moves, every revolution anew, (output, input, time) and twice over [m/N].
+class Steps(NamedTuple):
+    """A step of time: states y become grown y + driven f, under forces f that are linear between steps.
 
-    after: at times since then; between: less what it moved when the k-th tooth before passed (tooth, k, ..), by times
-    that the force is ahead.
+    The tip is at the real part of seen y, and at_once f (output, input) besides. grown (part, pole), driven and seen
+    (axis, part, pole), forever (part, pole): how much larger states are that a revolution leaves for all revolutions
+    before; the parts are real and imaginary.
     """
 
-    after: Array
-    between: Array
+    grown: Array
+    driven: Array
+    seen: Array
+    at_once: Array
+    forever: Array
 
 
 class Sampled(NamedTuple):
@@ -83,118 +90,132 @@ class Sampled(NamedTuple):
     weight: Array
 
 
-def periodic_answer(system: LinearSystem, period: Array, samples: int, finer: int = 1) -> Array:
-    """Return what a force that is one at a sample, zero at all others and linear between moves (system, lag, 2, 2).
+@compiled
+def steps_of(modes, revolution, times):  # type: ignore[no-untyped-def]
+    """Return what a step does to modes of which so many are a revolution [s].
 
-    The force comes once in a period (system,) [s] of so many samples; lag: time since then, so many times finer than
-    samples; output and input axis [m/N].
-
-    See docs/physics.md#forced-motion.
-    """
-    half, step = system.half_spectrum, period[:, None] / samples
-    turned = half.poles * step
-    around, grown = np.exp(half.poles * period[:, None]), np.exp(turned)
-    # Of a force (1 - |u|), u in samples, what has acted on exp(pole t) until a lag, and what acts in all. What is
-    # still to come acted a period ago.
-    lag = np.arange(samples * finer) / finer
-    near = np.minimum(lag, samples - lag) < 1.0
-    since = np.where(near & (lag > 1.0), lag - samples, lag)
-    acted = np.zeros((*turned.shape, len(lag)), dtype=complex)
-    z, t = turned[..., None], since[near]
-    rising, falling = np.exp(z * (1.0 + np.minimum(t, 0.0))) - 1.0 - z * (1.0 + np.minimum(t, 0.0)), np.maximum(t, 0.0)
-    acted[..., near] = rising * np.exp(z * falling) + (z - 1.0) * np.exp(z * falling) + 1.0 - z + z * falling
-    whole = np.exp(z * (np.where(near, since + samples, lag) - 1.0)) * (1.0 - grown[..., None]) ** 2
-    acted[..., near] *= (1.0 - around)[..., None]
-    answer = (acted + whole) * (step / (turned**2 * (1.0 - around)))[..., None]
-    # Of every output, by every input.
-    share = half.seen[:, :, None, :] * half.driven.swapaxes(1, 2)[:, None, :, :]
-    systems, outputs, inputs, poles = share.shape
-    found = (share.reshape(systems, outputs * inputs, poles) @ answer).real
-    return np.ascontiguousarray(found.swapaxes(1, 2).reshape(systems, len(lag), outputs, inputs))
-
-
-def twice(answer: Array) -> Array:
-    """Return what is (.., time, output, input) and repeats twice over, as (.., output, input, time).
-
-    Compiled loops then run along times, wherever they begin.
+    Of a force that begins a step at one, and falls, a state z gets ``early``, of one that ends it at one ``late``: y is
+    z less what the force has added last.
 
     See docs/physics.md#forced-motion.
     """
-    once = np.moveaxis(answer, -3, -1)
-    return np.concatenate([once, once], axis=-1)
-
-
-def answer(once: Array, since: Array) -> Answer:
-    """Return the answer, of all systems, that ``periodic_answer`` is; since: samples since a tooth before (tooth, k).
-
-    See docs/physics.md#forced-motion.
-    """
-    outputs, inputs, times = once.shape[2], once.shape[3], once.shape[1]
-    between = np.empty((len(once), *since.shape, outputs, inputs, 2 * times))
-    _fill_between(once, since, between)
-    return Answer(after=twice(once), between=between)
+    poles, step = len(modes.poles), revolution / times
+    grown, forever, at_once = np.empty((2, poles)), np.empty((2, poles)), np.zeros((2, 2))
+    driven, seen = np.empty((2, 2, poles)), np.empty((2, 2, poles))
+    for n in range(poles):
+        whole, rising = _acted(modes.poles[n] * step)
+        left = np.exp(modes.poles[n] * step)
+        grown[0, n], grown[1, n] = left.real, left.imag
+        all_before = 1.0 / (1.0 - np.exp(modes.poles[n] * revolution))
+        forever[0, n], forever[1, n] = all_before.real, all_before.imag
+        for axis in range(2):
+            late = step * rising * modes.driven[n, axis]
+            following = step * (whole - rising) * modes.driven[n, axis] + left * late
+            driven[axis, 0, n], driven[axis, 1, n] = following.real, following.imag
+            seen[axis, 0, n], seen[axis, 1, n] = modes.seen[axis, n].real, modes.seen[axis, n].imag
+            for out in range(2):
+                at_once[out, axis] += (modes.seen[out, n] * late).real
+    return Steps(grown, driven, seen, at_once, forever)
 
 
 @compiled
-def _fill_between(once, since, between):  # type: ignore[no-untyped-def]
-    """Fill in what a force at one sample moves less what it moved when a tooth before passed; between: see Answer.
-
-    By how many samples the force is ahead of the motion: a row of equations holds one motion and the forces in turn.
-    """
-    systems, times = once.shape[:2]
-    for s, tooth, k in np.ndindex((systems, *since.shape)):
-        whole = int(since[tooth, k])
-        part = since[tooth, k] - whole
-        for q in range(2 * times):
-            now = -q % times
-            # What is between samples is linear between them.
-            after, before = once[s, (now - whole) % times], once[s, (now - whole - 1) % times]
-            for o, i in np.ndindex(once.shape[2:]):
-                then = (1.0 - part) * after[o, i] + part * before[o, i]
-                between[s, tooth, k, o, i, q] = once[s, now, o, i] - then
+def _acted(z):  # type: ignore[no-untyped-def]
+    """Return what has acted on exp(z t) until t = 1 of a force that is one, and of one that has risen to it."""
+    if abs(z) > NEAR_ZERO:
+        return (np.exp(z) - 1.0) / z, (np.exp(z) - 1.0 - z) / z**2
+    whole, rising, term = 0.0 * z, 0.0 * z, 1.0 + 0.0 * z
+    for k in range(1, TERMS + 1):
+        # Of order k - 1: z^(k-1) / k! and z^(k-1) / (k+1)!.
+        term /= k
+        whole += term
+        rising += term / (k + 1)
+        term *= z
+    return whole, rising
 
 
 @compiled
-def repeating_force(cut, modes, revolution, answer, coarse):  # type: ignore[no-untyped-def]
+def repeating_force(cut, modes, revolution, samples):  # type: ignore[no-untyped-def]
     """Return the force (2, sample) that repeats [N], and whether it was found.
 
-    revolution: how long one takes [s]; answer: at the samples of the force, and coarse: at COARSE in a mean pitch.
+    revolution: how long one takes [s]; samples: in one.
 
     See docs/physics.md#forced-motion.
     """
-    samples = answer.after.shape[-1] // 2
-    sampled = _sampled(cut, samples)
-    force = _finer(_approached(_sampled(cut, coarse.after.shape[-1] // 2), coarse), samples)
-    if _settled(sampled, 1.0, answer, force, STEPS):
+    sampled, steps = _sampled(cut, samples), steps_of(modes, revolution, samples)
+    few = COARSE * len(cut.passed)
+    force = _finer(_approached(_sampled(cut, few), steps_of(modes, revolution, few)), samples)
+    if _settled(sampled, 1.0, steps, force, STEPS):
         return force, True
-    force, change = _from_rest(sampled, modes, revolution)
+    force, change = _from_rest(sampled, steps)
     found = force.copy()
-    if change <= NEAR and _settled(sampled, 1.0, answer, found, STEPS):
+    if change <= NEAR and _settled(sampled, 1.0, steps, found, STEPS):
         return found, True
     # Newton's method may go round in circles about a motion at which an edge just grazes the work.
     if change <= REPEATS:
         return force, True
-    return _climbed(sampled, answer)
+    return _climbed(sampled, steps)
 
 
 @compiled
-def move(after, force, motion):  # type: ignore[no-untyped-def]
-    """Fill in the motion (2, time) under forces (2, sample) that repeat; what comes after may be finer than samples.
+def move(steps, force, motion):  # type: ignore[no-untyped-def]
+    """Fill in the motion (2, time) under forces (2, sample) that repeat; times may be finer than samples, as steps are.
 
     See docs/physics.md#forced-motion.
     """
-    times = motion.shape[1]
-    finer = times // force.shape[1]
-    motion[:] = 0.0
-    for sample in range(force.shape[1]):
-        along, across = force[0, sample], force[1, sample]
-        if along == 0.0 and across == 0.0:
-            continue
-        since = slice(times - sample * finer, 2 * times - sample * finer)
-        for axis in range(2):
-            by_along, by_across, moved = after[axis, 0][since], after[axis, 1][since], motion[axis]
-            for j in range(times):
-                moved[j] += by_along[j] * along + by_across[j] * across
+    state = np.zeros(steps.grown.shape)
+    _revolve(steps, force, state, motion)
+    for n in range(state.shape[1]):
+        left = complex(state[0, n], state[1, n]) * complex(steps.forever[0, n], steps.forever[1, n])
+        state[0, n], state[1, n] = left.real, left.imag
+    _revolve(steps, force, state, motion)
+
+
+@compiled
+def _revolve(steps, force, state, motion):  # type: ignore[no-untyped-def]
+    """Bring states (part, pole) forward by a revolution, and fill in the motion (2, time) meanwhile."""
+    times, samples = motion.shape[1], force.shape[1]
+    finer = times // samples
+    # Here all the time goes, and names of their own let the compiler take several modes at once.
+    grown_real, grown_imaginary, real, imaginary = steps.grown[0], steps.grown[1], state[0], state[1]
+    (x_real, x_imaginary), (y_real, y_imaginary) = steps.seen
+    (along_real, along_imaginary), (across_real, across_imaginary) = steps.driven
+    for j in range(times):
+        before = j // finer
+        part, after = j / finer - before, before + 1 if before + 1 < samples else 0
+        along = (1.0 - part) * force[0, before] + part * force[0, after]
+        across = (1.0 - part) * force[1, before] + part * force[1, after]
+        x = y = 0.0
+        for n in range(len(real)):
+            now, turned = real[n], imaginary[n]
+            x += x_real[n] * now - x_imaginary[n] * turned
+            y += y_real[n] * now - y_imaginary[n] * turned
+            added = along_real[n] * along + across_real[n] * across
+            real[n] = grown_real[n] * now - grown_imaginary[n] * turned + added
+            added = along_imaginary[n] * along + across_imaginary[n] * across
+            imaginary[n] = grown_real[n] * turned + grown_imaginary[n] * now + added
+        motion[0, j], motion[1, j] = _moved(x, y, steps, along, across)
+
+
+@compiled
+def _free(steps, state):  # type: ignore[no-untyped-def]
+    """Return where the tip is, but for what a force moves at once."""
+    x = y = 0.0
+    for n in range(state.shape[1]):
+        x += steps.seen[0, 0, n] * state[0, n] - steps.seen[0, 1, n] * state[1, n]
+        y += steps.seen[1, 0, n] * state[0, n] - steps.seen[1, 1, n] * state[1, n]
+    return x, y
+
+
+@compiled
+def _step(steps, state, along, across):  # type: ignore[no-untyped-def]
+    """Bring states (part, pole) forward by a step, from a time at which forces are given."""
+    grown, driven = steps.grown, steps.driven
+    for n in range(state.shape[1]):
+        real, imaginary = state[0, n], state[1, n]
+        added = driven[0, 0, n] * along + driven[1, 0, n] * across
+        state[0, n] = grown[0, n] * real - grown[1, n] * imaginary + added
+        added = driven[0, 1, n] * along + driven[1, 1, n] * across
+        state[1, n] = grown[0, n] * imaginary + grown[1, n] * real + added
 
 
 @compiled
@@ -268,43 +289,25 @@ def _finer(force, samples):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _from_rest(sampled, modes, revolution):  # type: ignore[no-untyped-def]
+def _from_rest(sampled, steps):  # type: ignore[no-untyped-def]
     """Cut from rest until the motion repeats, LONG revolutions at most.
 
     Return the force (2, sample) in the last, and by what share of its size the motion changed with it.
     """
-    samples, poles = sampled.sine.shape[1], len(modes.poles)
-    step = revolution / samples
-    grown, early, late = np.empty(poles, np.complex128), np.empty_like(modes.driven), np.empty_like(modes.driven)
-    at_once = np.zeros((2, 2))
-    for n in range(poles):
-        z = modes.poles[n] * step
-        grown[n] = np.exp(z)
-        # Of a force that is one all along a step, and one that rises to it.
-        whole, rising = step * (grown[n] - 1.0) / z, step * (grown[n] - 1.0 - z) / z**2
-        for axis in range(2):
-            early[n, axis], late[n, axis] = (whole - rising) * modes.driven[n, axis], rising * modes.driven[n, axis]
-            for out in range(2):
-                at_once[out, axis] += (modes.seen[out, n] * late[n, axis]).real
-    state = np.zeros(poles, np.complex128)
+    samples, state = sampled.sine.shape[1], np.zeros(steps.grown.shape)
     left, who = np.empty(len(sampled.sine)), np.empty(sampled.sine.shape, np.int64)
     motion, force = np.zeros((2, samples)), np.zeros((2, samples))
     along = across = change = 0.0
     for _ in range(LONG):
         change = size = 0.0
         for j in range(samples):
-            free_x = free_y = 0.0
-            for n in range(poles):
-                state[n] = grown[n] * state[n] + early[n, 0] * along + early[n, 1] * across
-                free_x += (modes.seen[0, n] * state[n]).real
-                free_y += (modes.seen[1, n] * state[n]).real
-            x, y = _moved(free_x, free_y, at_once, along, across)
+            free_x, free_y = _free(steps, state)
+            x, y = _moved(free_x, free_y, steps, along, across)
             _surfaces(sampled, motion, j, left, who)
             for _ in range(CORRECTIONS):
                 along, across = _cutting(sampled, 1.0, j, x, y, left)
-                x, y = _moved(free_x, free_y, at_once, along, across)
-            for n in range(poles):
-                state[n] += late[n, 0] * along + late[n, 1] * across
+                x, y = _moved(free_x, free_y, steps, along, across)
+            _step(steps, state, along, across)
             change = max(change, abs(x - motion[0, j]), abs(y - motion[1, j]))
             size = max(size, abs(x), abs(y))
             motion[0, j], motion[1, j], force[0, j], force[1, j] = x, y, along, across
@@ -315,9 +318,10 @@ def _from_rest(sampled, modes, revolution):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _moved(x, y, at_once, along, across):  # type: ignore[no-untyped-def]
+def _moved(x, y, steps, along, across):  # type: ignore[no-untyped-def]
     """Return a place, moved by what a force moves at once."""
-    return x + at_once[0, 0] * along + at_once[0, 1] * across, y + at_once[1, 0] * along + at_once[1, 1] * across
+    own = steps.at_once
+    return x + own[0, 0] * along + own[0, 1] * across, y + own[1, 0] * along + own[1, 1] * across
 
 
 @compiled
@@ -352,49 +356,50 @@ def _cutting(sampled, share, j, x, y, left):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _approached(sampled, answer):  # type: ignore[no-untyped-def]
+def _approached(sampled, steps):  # type: ignore[no-untyped-def]
     """Return about the force (2, sample) that repeats, followed through depths from none, whether it arrives or not."""
     force = np.zeros((2, sampled.sine.shape[1]))
     for rung in range(1, RUNGS + 1):
-        _deeper(sampled, answer, force, rung, RUNGS, RUNG_STEPS)
+        _deeper(sampled, steps, force, rung, RUNGS, RUNG_STEPS)
     return force
 
 
 @compiled
-def _climbed(sampled, answer):  # type: ignore[no-untyped-def]
+def _climbed(sampled, steps):  # type: ignore[no-untyped-def]
     """Return the force (2, sample) that repeats, by cuts that become deeper, and whether it was found."""
     force = np.zeros((2, sampled.sine.shape[1]))
     for rungs in LADDERS:
         force[:] = 0.0
-        arrived = True
+        found = True
         for rung in range(1, rungs + 1):
-            arrived = arrived and _deeper(sampled, answer, force, rung, rungs, STEPS)
-        if arrived:
+            found = found and _deeper(sampled, steps, force, rung, rungs, STEPS)
+        if found:
             return force, True
     return force, False
 
 
 @compiled
-def _deeper(sampled, answer, force, rung, rungs, steps):  # type: ignore[no-untyped-def]
+def _deeper(sampled, steps, force, rung, rungs, most):  # type: ignore[no-untyped-def]
     """Bring forces (2, sample) from one rung on the way to full depth to the next; return whether they arrived."""
     # To begin with, chips of deeper cuts are as thick as before.
     force *= rung / max(rung - 1, 1)
-    return _settled(sampled, rung / rungs, answer, force, steps)
+    return _settled(sampled, rung / rungs, steps, force, most)
 
 
 @compiled
-def _settled(sampled, share, answer, force, steps):  # type: ignore[no-untyped-def]
+def _settled(sampled, share, steps, force, most):  # type: ignore[no-untyped-def]
     """Bring forces (2, sample) from near to where they repeat, at a share of the depth; return whether they arrived."""
     other, motion = np.empty_like(force), np.empty_like(force)
     who, next_who = np.empty(sampled.sine.shape, np.int64), np.empty(sampled.sine.shape, np.int64)
-    move(answer.after, force, motion)
+    move(steps, force, motion)
     far = _held_against(sampled, share, force, motion, who)
-    for _ in range(steps):
-        target = _forces(sampled, share, answer.between, who)
+    nearest, since = far, 0
+    for _ in range(most):
+        missed = _corrected(sampled, share, steps, force, motion, who)
         length = 1.0
         for _ in range(HALVINGS):
-            other[:] = force + length * (target - force)
-            move(answer.after, other, motion)
+            other[:] = force + length * missed
+            move(steps, other, motion)
             left = _held_against(sampled, share, other, motion, next_who)
             if left < far:
                 break
@@ -403,6 +408,9 @@ def _settled(sampled, share, answer, force, steps):  # type: ignore[no-untyped-d
         who[:], far = next_who, left
         if far <= ARRIVED * np.abs(force).max():
             return True
+        nearest, since = (far, 0) if far < NEARER * nearest else (nearest, since + 1)
+        if since == PATIENCE:
+            return False
     return False
 
 
@@ -422,59 +430,48 @@ def _held_against(sampled, share, force, motion, who):  # type: ignore[no-untype
 
 
 @compiled
-def _forces(sampled, share, between, who):  # type: ignore[no-untyped-def]
-    """Return the forces (2, sample) that repeat while who cuts what is held."""
-    cut, (edges, samples) = sampled.cut, who.shape
-    slices = edges // len(cut.passed)
-    places, runs = _in_cut(who)
-    begin, of_place, basis = _unknowns(sampled, share, who, places)
-    unknowns = len(basis)
-    matrix, right = np.eye(unknowns), np.zeros(unknowns)
-    # What forces along and across at every place do to the unknowns of one, of which there are two at most.
-    change = np.empty((2, 2, len(places)))
-    for r in range(len(places)):
-        j, first_own, many = places[r], begin[r], begin[r + 1] - begin[r]
-        change[:] = 0.0
-        for e in range(edges):
-            k = who[e, j]
-            if k < 0:
-                continue
-            s, c, tooth = sampled.sine[e, j], sampled.cosine[e, j], e // slices
-            push = _push(sampled, share, e, j)
-            chip = cut.feed * cut.passed[tooth, k] * s + cut.longer[tooth, k]
-            for own in range(many):
-                direction = basis[first_own + own]
-                part = (push[0] * direction[0] + push[1] * direction[1]) / (direction[0] ** 2 + direction[1] ** 2)
-                right[first_own + own] += part * chip
-                for axis in range(2):
-                    _add_thicker(
-                        places, runs, samples - j, part * s, part * c, between[tooth, k, :, axis], change[own, axis]
-                    )
-        for own in range(many):
-            along, across, row = change[own, 0], change[own, 1], matrix[first_own + own]
-            for u in range(unknowns):
-                row[u] -= along[of_place[u]] * basis[u, 0] + across[of_place[u]] * basis[u, 1]
-    solved = solve(matrix, right)
-    force = np.zeros((2, samples))
-    for u in range(unknowns):
-        j = places[of_place[u]]
-        force[0, j] += solved[u] * basis[u, 0]
-        force[1, j] += solved[u] * basis[u, 1]
-    return force
+def _corrected(sampled, share, steps, force, motion, who):  # type: ignore[no-untyped-def]
+    """Return by how much forces (2, sample) miss those that repeat while who cuts what is held, to SOLVED of that.
+
+    motion: (2, sample), the one under the forces.
+    """
+    answer, moved = np.empty_like(force), np.empty_like(force)
+    _cut(sampled, share, who, motion, 1.0, answer)
+    missed = (answer - force).ravel()
+    last, found = 0, begun(missed)
+    if found.size == 0.0:
+        return answer - force
+    for number in range(force.size):
+        last, direction = number, found.basis[number].reshape(force.shape)
+        move(steps, direction, moved)
+        _cut(sampled, share, who, moved, 0.0, answer)
+        if arrived(found, number, (direction - answer).ravel()):
+            break
+    return combined(found, last).reshape(force.shape)
 
 
 @compiled
-def _add_thicker(places, runs, ahead, sine, cosine, moved, thicker):  # type: ignore[no-untyped-def]
-    """Add by how much a force at each place makes a chip thicker (place,).
+def _cut(sampled, share, who, motion, feed, force):  # type: ignore[no-untyped-def]
+    """Fill in the forces (2, sample) on a motion (2, sample) while who cuts what (edge, sample) is held.
 
-    moved: (2, lag), by a force; ahead: where in it a force at the first sample is found.
+    feed: the share of feed and radii that counts beside the motion.
     """
-    for run in range(len(runs)):
-        first, stop = runs[run, 0], runs[run, 1]
-        since = places[first] + ahead
-        x, y, here = moved[0, since : since + stop - first], moved[1, since : since + stop - first], thicker[first:stop]
-        for q in range(stop - first):
-            here[q] += sine * x[q] + cosine * y[q]
+    cut, (edges, samples), slices = sampled.cut, who.shape, len(who) // len(sampled.cut.passed)
+    per_pitch = samples / len(cut.passed)
+    force[:] = 0.0
+    for e in range(edges):
+        tooth = e // slices
+        for j in range(samples):
+            k = who[e, j]
+            if k < 0:
+                continue
+            s, c = sampled.sine[e, j], sampled.cosine[e, j]
+            then_x, then_y = at(motion, j - cut.passed[tooth, k] * per_pitch)
+            chip = feed * (cut.feed * cut.passed[tooth, k] * s + cut.longer[tooth, k])
+            chip += s * (motion[0, j] - then_x) + c * (motion[1, j] - then_y)
+            along, across = _push(sampled, share, e, j)
+            force[0, j] += along * chip
+            force[1, j] += across * chip
 
 
 @compiled
@@ -483,49 +480,3 @@ def _push(sampled, share, e, j):  # type: ignore[no-untyped-def]
     cut, weight = sampled.cut, share * sampled.weight[e, j]
     s, c = sampled.sine[e, j], sampled.cosine[e, j]
     return -weight * (cut.tangential * c + cut.radial * s), weight * (cut.tangential * s - cut.radial * c)
-
-
-@compiled
-def _unknowns(sampled, share, who, places):  # type: ignore[no-untyped-def]
-    """Return what the forces at places are made of: where a single edge cuts, its own direction, and its chip counts.
-
-    That halves the unknowns of a cut in which teeth take turns. Elsewhere there are two, along and across.
-
-    begin (place + 1,): the first unknown of each place; of_place (unknown,), the place of each; basis (unknown, 2), the
-    forces that they stand for [N/m].
-    """
-    begin, size = np.zeros(len(places) + 1, np.int64), share * math.hypot(sampled.cut.tangential, sampled.cut.radial)
-    of_place, basis = np.empty(2 * len(places), np.int64), np.zeros((2 * len(places), 2))
-    for r in range(len(places)):
-        cutting, last, first = 0, 0, begin[r]
-        for e in range(len(who)):
-            if who[e, places[r]] >= 0:
-                cutting, last = cutting + 1, e
-        if cutting == 1:
-            basis[first] = _push(sampled, share, last, places[r])
-        else:
-            basis[first, 0], basis[first + 1, 1] = size, size
-        begin[r + 1] = first + (1 if cutting == 1 else 2)
-        of_place[first : begin[r + 1]] = r
-    return begin, of_place[: begin[-1]], basis[: begin[-1]]
-
-
-@compiled
-def _in_cut(who):  # type: ignore[no-untyped-def]
-    """Return the samples at which an edge cuts (place,), and where runs of neighbours begin and end (run, 2)."""
-    edges, samples = who.shape
-    places, runs = np.empty(samples, np.int64), np.empty((samples, 2), np.int64)
-    count, many = 0, 0
-    for j in range(samples):
-        cuts = False
-        for e in range(edges):
-            cuts = cuts or who[e, j] >= 0
-        if not cuts:
-            continue
-        if count == 0 or places[count - 1] != j - 1:
-            runs[many, 0] = count
-            many += 1
-        places[count] = j
-        count += 1
-        runs[many - 1, 1] = count
-    return places[:count], runs[:many]

@@ -176,7 +176,8 @@ OF_THE_STRUCTURE = (
 class Stages:
     """A machine and the arrows of its chain, in their order; each with the arguments of its default.
 
-    own_files: of the user's own laws among them.
+    forced_motion: whether teeth that take unlike chips are met on the motion that these force, or as if nothing moved;
+    own_files: of the user's own laws among the arrows.
     """
 
     machine: Machine
@@ -194,6 +195,7 @@ class Stages:
     teeth: Callable[[Tool], Teeth] = teeth
     force_coefficients: Callable[[Machine, Array], ForceCoefficients] = force_coefficients
     regeneration: Callable[[CuttingGain], Regeneration] = regeneration
+    forced_motion: bool = True
     own_files: tuple[Path, ...] = ()
 
     def blaming(self) -> AbstractContextManager[None]:
@@ -207,8 +209,9 @@ class Stages:
         return passages(self.teeth(self.machine.tool), self.engagement(process), process.feed_per_tooth)
 
 
-#: All arrows, in the order of the chain.
-ARROWS = tuple(field.name for field in fields(Stages) if field.name not in ("machine", "own_files"))
+#: What stages have besides, and all arrows, in the order of the chain.
+NO_ARROWS = ("machine", "forced_motion", "own_files")
+ARROWS = tuple(field.name for field in fields(Stages) if field.name not in NO_ARROWS)
 
 
 def stages_of(model: Machine | Stages) -> Stages:

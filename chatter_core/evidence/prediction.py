@@ -1,6 +1,6 @@
 """What a model says of everything that a campaign measured, for one vector of parameter values."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -108,8 +108,9 @@ class CampaignModel:
     """A model of what a campaign measured: the machine as described, seen through terms.
 
     terms: nuisances and effects, applied in this order; campaign: what was measured, and the sensors' own
-    parameters with it; cut_modes, receptance_modes: modes of an axis, at most; method: of Floquet analysis; forgiving:
-    whether values that a law of the user's own has no answer to count as without one, as a fit needs it.
+    parameters with it; cut_modes, receptance_modes: modes of an axis, at most; method: of Floquet analysis;
+    forced_motion: as ``Stages`` has it; forgiving: whether values that a law of the user's own has no answer to count
+    as without one, as a fit needs it.
     The vector of parameters holds the terms' parameters, then the measurements'.
     """
 
@@ -118,6 +119,7 @@ class CampaignModel:
     cut_modes: int = CUT_MODES
     receptance_modes: int = RECEPTANCE_MODES
     method: MethodSettings = FITTING_METHOD
+    forced_motion: bool = True
     forgiving: bool = False
 
     @cached_property
@@ -141,7 +143,13 @@ class CampaignModel:
 
     def stages(self, values: Array, machine: Machine | None = None) -> Stages:
         """Return the stages at values (parameter,), of the campaign's machine or of one with other settings."""
-        return apply_terms(self.campaign.machine if machine is None else machine, self.terms, values)
+        stages = apply_terms(self.campaign.machine if machine is None else machine, self.terms, values)
+        return replace(stages, forced_motion=self.forced_motion)
+
+    def has_unlike_teeth(self, values: Array) -> bool:
+        """Return whether teeth take unlike chips, which costs several times as much as where they are all alike."""
+        stages = self.stages(values)
+        return stages.teeth(stages.machine.tool).repeat > 1
 
     def named(self, values: Array) -> dict[str, float]:
         """Return the values by name."""

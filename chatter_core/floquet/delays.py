@@ -11,7 +11,7 @@ polynomials: a force K d with a smooth d then does what it should to the end of 
 square of what is short.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,6 +88,29 @@ class _Parts:
     length: Array
     element: NDArray[np.intp]
 
+    def within(self, elements: NDArray[np.bool_]) -> "_Parts":
+        """Return the parts of some elements (point, element) alone."""
+        start, length, element = np.zeros_like(self.start), np.zeros_like(self.length), np.zeros_like(self.element)
+        most = _fill_within(self.start, self.length, self.element, elements, start, length, element)
+        return _Parts(start=start[:, :most], length=length[:, :most], element=element[:, :most])
+
+
+@compiled
+def _fill_within(  # type: ignore[no-untyped-def]
+    start, length, element, elements, kept_start, kept_length, kept_element
+):
+    """Fill in the parts of some elements, in turn; return how many a point has at most."""
+    most = 0
+    for p in range(len(start)):
+        count = 0
+        for s in range(start.shape[1]):
+            if length[p, s] > 0.0 and elements[p, element[p, s]]:
+                kept_start[p, count], kept_length[p, count] = start[p, s], length[p, s]
+                kept_element[p, count] = element[p, s]
+                count += 1
+        most = max(most, count)
+    return most
+
 
 def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Elements, LookBack, Array]:
     """Return the elements of every point, where their nodes look back to, and the gain on velocities at the nodes.
@@ -105,13 +128,14 @@ def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Element
         raise UnsupportedEquation("delays must be positive and at most the period")
     longest = collocation.LONGEST_ELEMENT * delays.min(axis=1)
     broken = _broken(equation, _short(equation, refinement, longest))
-    holds = _pieces_with_nodes(equation, broken, delays)
+    acts = [broken.acting(feedback.gain, equation.period) for feedback in equation.feedback]
+    holds = _pieces_with_nodes(equation, broken, acts, delays)
     layout = collocation.break_up(equation, refinement, broken.breakpoints, holds, longest[:, None])
     parts = _parts(layout, broken.smooth_from)
     velocity = np.zeros((*layout.piece.shape, NODES, *_couples(equation)))
     for gain in equation.velocity_gain:
         _add_at_nodes(gain, layout, parts, velocity)
-    return layout, _look_back(equation, layout, parts, delays), velocity
+    return layout, _look_back(equation, layout, parts, acts, delays), velocity
 
 
 def _couples(equation: DelayEquation) -> tuple[int, int]:
@@ -129,9 +153,9 @@ def _short(equation: DelayEquation, refinement: Array | float, longest: Array) -
 def _broken(equation: DelayEquation, short: Array) -> _Broken:
     """Return where the period is broken; short: (point,) [s]."""
     period = equation.period[:, None]
-    smooth_from = _distinct(
-        np.concatenate([equation.breakpoints, *_returning(equation)], axis=1), BREAK_TOLERANCE * period, period
-    )
+    tolerance = BREAK_TOLERANCE * period
+    own = _distinct(equation.breakpoints, tolerance, period)
+    smooth_from = _distinct(np.concatenate([own, *_returning(equation, own)], axis=1), tolerance, period)
     piece = np.zeros(smooth_from.shape, dtype=np.intp)
     breakpoints = np.empty_like(smooth_from)
     count = _part(smooth_from, short, breakpoints, piece)
@@ -159,17 +183,17 @@ def _part(smooth_from, short, breakpoints, piece):  # type: ignore[no-untyped-de
     return most
 
 
-def _returning(equation: DelayEquation) -> Iterator[Array]:
-    """Yield where breakpoints come back after each delay (point, breakpoint), as far as its gain acts there.
+def _returning(equation: DelayEquation, own: Array) -> Iterator[Array]:
+    """Yield where breakpoints ``own`` come back after each delay (point, breakpoint), as far as its gain acts there.
 
     Elsewhere they need not be broken at, and the first breakpoint stands for them.
     """
     period = equation.period[:, None]
     beside = BREAK_TOLERANCE * period[..., None] * np.array([-2.0, 2.0])
     for feedback in equation.feedback:
-        returning = np.mod(equation.breakpoints + feedback.delay[:, None], period)
+        returning = np.mod(own + feedback.delay[:, None], period)
         acts = np.any(feedback.gain(returning[..., None] + beside) != 0.0, axis=(2, 3, 4))
-        yield np.where(acts, returning, equation.breakpoints[:, :1])
+        yield np.where(acts, returning, own[:, :1])
 
 
 def _distinct(breakpoints: Array, tolerance: Array, period: Array) -> Array:
@@ -184,16 +208,20 @@ def _distinct(breakpoints: Array, tolerance: Array, period: Array) -> Array:
     return distinct
 
 
-def _pieces_with_nodes(equation: DelayEquation, broken: _Broken, delays: Array) -> NDArray[np.bool_]:
-    """Return the pieces (point, piece) in which a gain acts or that an acting one looks back into."""
+def _pieces_with_nodes(
+    equation: DelayEquation, broken: _Broken, acts: Sequence[NDArray[np.bool_]], delays: Array
+) -> NDArray[np.bool_]:
+    """Return the pieces (point, piece) in which a gain acts or that an acting one looks back into.
+
+    acts: of every term, the pieces (point, piece) in which it acts.
+    """
     length = collocation.piece_lengths(broken.breakpoints, equation.period)
     begin = broken.breakpoints - broken.breakpoints[:, :1]
     holds = np.zeros(begin.shape, dtype=bool)
     for gain in equation.velocity_gain:
         holds |= broken.acting(gain, equation.period)
-    for term, feedback in enumerate(equation.feedback):
-        acts = broken.acting(feedback.gain, equation.period)
-        _look_into(acts, begin, length, np.ascontiguousarray(delays[:, term]), equation.period, holds)
+    for term, acting in enumerate(acts):
+        _look_into(acting, begin, length, np.ascontiguousarray(delays[:, term]), equation.period, holds)
     return holds
 
 
@@ -250,14 +278,18 @@ def _fill_parts(  # type: ignore[no-untyped-def]
     return most
 
 
-def _look_back(equation: DelayEquation, layout: Elements, parts: _Parts, delays: Array) -> LookBack:
+def _look_back(
+    equation: DelayEquation, layout: Elements, parts: _Parts, acts: Sequence[NDArray[np.bool_]], delays: Array
+) -> LookBack:
     time, couples = layout.node_time, _couples(equation)
     of_all = np.zeros((*layout.piece.shape, len(equation.feedback), NODES, *couples))
+    acting = np.stack([np.take_along_axis(of_term, layout.piece, axis=1) for of_term in acts], axis=-1)
     for term, feedback in enumerate(equation.feedback):
-        _add_at_nodes(feedback.gain, layout, parts, of_all[:, :, term])
+        # Of many gains few act in an element, and looking at each everywhere would take most of the time.
+        _add_at_nodes(feedback.gain, layout, parts.within(acting[:, :, term]), of_all[:, :, term])
     # Of many teeth few cut at once: the terms that act in an element come first, and what acts nowhere is left out.
     order = np.zeros(of_all.shape[:3], dtype=np.intp)
-    order = order[:, :, : _acting_first(of_all, order)]
+    order = order[:, :, : _acting_first(acting, order)]
     gain = np.empty((*order.shape, NODES, *couples))
     _take(of_all, order, gain)
     earlier = time[:, :, None, :] - delays[np.arange(len(time))[:, None, None], order][..., None]
@@ -269,18 +301,19 @@ def _look_back(equation: DelayEquation, layout: Elements, parts: _Parts, delays:
 
 
 @compiled
-def _acting_first(gain, order):  # type: ignore[no-untyped-def]
+def _acting_first(acting, order):  # type: ignore[no-untyped-def]
     """Fill in the terms (point, element, term), those that act first; return how many act at most, or one."""
     most = 1
-    for p, e in np.ndindex(gain.shape[:2]):
-        count = 0
-        for acting in (True, False):
-            for term in range(gain.shape[2]):
-                if _acts(gain[p, e, term]) == acting:
-                    order[p, e, count] = term
-                    count += 1
-            if acting:
-                most = max(most, count)
+    for p in range(acting.shape[0]):
+        for e in range(acting.shape[1]):
+            count = 0
+            for first in (True, False):
+                for term in range(acting.shape[2]):
+                    if acting[p, e, term] == first:
+                        order[p, e, count] = term
+                        count += 1
+                if first:
+                    most = max(most, count)
     return most
 
 

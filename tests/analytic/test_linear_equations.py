@@ -3,9 +3,18 @@
 import numpy as np
 import pytest
 
-from chatter_core.linear_equations import DIRECTIONS, solve
+from chatter_core.linear_equations import arrived, begun, combined
 
 RNG = np.random.default_rng(5)
+
+
+def solved(matrix, right):
+    """Return the solution, and how many directions hold it."""
+    found = begun(right)
+    for number in range(len(right)):
+        if arrived(found, number, matrix @ found.basis[number]):
+            break
+    return combined(found, number), number + 1
 
 
 def identity_with(unknowns: int, strong: int):
@@ -14,30 +23,29 @@ def identity_with(unknowns: int, strong: int):
     return np.eye(unknowns) + left @ right.T / unknowns
 
 
+#: Equations, and how many directions hold the solution at most.
 CASES = {
-    "one": (identity_with(1, 1), False),
-    "few": (identity_with(120, 2), False),
-    "some": (identity_with(200, 12), False),
+    "one": (identity_with(1, 1), 1),
+    "few": (identity_with(120, 2), 3),
+    "some": (identity_with(200, 12), 13),
     # Every direction but the last is at right angles to what is left: none brings the answer nearer.
-    "a ring": (np.roll(np.eye(3 * DIRECTIONS), 1, axis=0), True),
-    "no order": (np.eye(200) + 0.06 * RNG.standard_normal((200, 200)), True),
+    "a ring": (np.roll(np.eye(180), 1, axis=0), 180),
+    "no order": (np.eye(200) + 0.06 * RNG.standard_normal((200, 200)), 200),
 }
 
 
-@pytest.mark.parametrize(("matrix", "eliminates"), CASES.values(), ids=CASES)
-def test_the_solution_is_found_by_few_directions_or_by_elimination(matrix, eliminates, monkeypatch):
+@pytest.mark.parametrize(("matrix", "most"), CASES.values(), ids=CASES)
+def test_few_directions_hold_the_solution_or_as_many_as_it_takes(matrix, most):
     wanted = np.zeros(len(matrix))
     wanted[0] = 1.0
-    calls, eliminate = [], np.linalg.solve
-    with monkeypatch.context() as watched:
-        watched.setattr(np.linalg, "solve", lambda *equations: calls.append(1) or eliminate(*equations))
-        plain = solve.py_func(matrix, matrix @ wanted)
-    assert bool(calls) == eliminates
-    # What is left of the right side, 1e-12 of it, is enlarged by the condition number at most.
+    found, asked = solved(matrix, matrix @ wanted)
+    assert asked <= most
+    # What is left of the right side, 1e-8 of it, is enlarged by the condition number at most.
     assert np.linalg.cond(matrix) < 1e3
-    for found in (plain, solve(matrix, matrix @ wanted)):
-        assert np.allclose(found, wanted, rtol=0.0, atol=1e-9 * np.linalg.norm(matrix @ wanted))
+    assert np.allclose(found, wanted, rtol=0.0, atol=1e-5 * np.linalg.norm(matrix @ wanted))
 
 
-def test_nothing_solves_equations_without_a_right_side():
-    assert np.array_equal(solve(np.eye(3) + 0.1, np.zeros(3)), np.zeros(3))
+def test_equations_without_a_solution_end_at_what_is_not_a_number():
+    found, asked = solved(np.zeros((3, 3)), np.ones(3))
+    assert asked == 1
+    assert np.isnan(found).all()

@@ -11,7 +11,7 @@ from chatter_core.evidence import CampaignModel, Comparison, base_model
 from chatter_core.evidence.candidates import Candidate, extended
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.pursuit import fit_hypothesis, ground, look, refit, refit_from
-from chatter_core.evidence.starts import other_shapes, waves_between_teeth
+from chatter_core.evidence.starts import SCREENED, Worth, other_shapes, waves_between_teeth
 from tests.synthetic import RPM, campaign, tip_machine, trials
 from tests.unit.test_candidates import base_of, candidate
 
@@ -64,6 +64,27 @@ def test_the_search_ends_no_lower_than_a_fit_from_the_truth(new, speeds, true):
     assert ended.fit.log_posterior > base.fit.log_posterior + 9.0
     # Two climbs in a posterior with edges may differ by twice what its roughness is, one nat.
     assert found.fit.log_posterior > ended.fit.log_posterior - 2.0
+
+
+def test_the_pitch_that_promises_most_is_found_as_if_teeth_forced_no_motion():
+    """Of all pitches a few are looked at with that motion, and the best of all, by it, is among them."""
+    base = base_of(judged(FEWER, MIDDLE, {"variation": 0.2}))
+    prospect = look(base.comparison, [FEWER], ground(base))
+    worth = Worth(prospect.climb, prospect.at_null, prospect.known, prospect.added)
+    place = [p.name for p in prospect.climb.problem.parameters].index(PITCH.scan[0])
+    # The first are beside the base model, those behind beside the machine as described.
+    looked_at = {start[place]: promise for promise, start in reversed(prospect.starts)}
+    assert len(looked_at) <= 1 + 2 * SCREENED < len(FEWER.scan[1])
+    everywhere = {}
+    for value in FEWER.scan[1]:
+        start = prospect.at_null.values.copy()
+        start[place] = value
+        everywhere[value] = worth.of(start)
+    best = max(everywhere, key=everywhere.get)
+    assert looked_at[best] == everywhere[best]
+    # It is the motion that is left out: teeth that are all alike force none.
+    assert worth.still.of(start) != everywhere[value]
+    assert worth.still.of(prospect.at_null.values) == worth.of(prospect.at_null.values)
 
 
 @pytest.mark.parametrize(("heard", "bent", "beside"), [(False, False, True), (True, False, False), (True, True, True)])
