@@ -185,6 +185,7 @@ def _meet(  # type: ignore[no-untyped-def]
         revolution = revolutions[system[p]]
         force, found[p] = repeating_force(cut, own, revolution, len(ahead) * SAMPLES)
         move(steps_of(own, revolution, motions.shape[2]), force, motions[p])
+        found[p] = found[p] and np.isfinite(motions[p]).all()
         for e in range(edges):
             _follow(cut, motions[p], e, begin[p, e], end[p, e])
 

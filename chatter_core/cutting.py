@@ -191,7 +191,7 @@ def _add_edges(edges, gain):  # type: ignore[no-untyped-def]
                 for number in range(first, stop):
                     angle = phase + edges.turn * number
                     # Mostly it is not in the cut, and to know by how much would take most of the time.
-                    if not entry < angle < leave + max(lag, SMALLEST_LAG):
+                    if angle <= entry or angle > leave + max(lag, SMALLEST_LAG):
                         continue
                     leaves, enters = engaged_share(angle, entry, leave, lag)
                     if enters <= leaves:

@@ -28,8 +28,8 @@ LONG, CORRECTIONS = 150, 2
 NEAR, REPEATS = 1e-2, 1e-4
 #: Newton steps at most, and halvings of one that does not come nearer.
 STEPS, HALVINGS = 16, 5
-#: It gives up where so many steps have not come nearer by this share: it goes round in circles.
-PATIENCE, NEARER = 4, 0.5
+#: It gives up where so many steps have not come nearer than this share of the nearest before: it goes in circles.
+PATIENCE, NEARER = 4, 0.7
 #: Below this size of z sums tell (e^z - 1) / z and (e^z - 1 - z) / z^2, of so many terms, to rounding.
 NEAR_ZERO, TERMS = 0.5, 16
 #: A motion is followed from none at so many depths, with Newton steps at each and samples in a mean pitch.
@@ -92,10 +92,9 @@ class Sampled(NamedTuple):
 
 @compiled
 def steps_of(modes, revolution, times):  # type: ignore[no-untyped-def]
-    """Return what a step does to modes of which so many are a revolution [s].
+    """Return what a step of time does to modes; so many times are a revolution [s].
 
-    Of a force that begins a step at one, and falls, a state z gets ``early``, of one that ends it at one ``late``: y is
-    z less what the force has added last.
+    Of a force that rises to one in a step the states z of the modes get ``late``, and y is z less late f.
 
     See docs/physics.md#forced-motion.
     """
@@ -106,7 +105,9 @@ def steps_of(modes, revolution, times):  # type: ignore[no-untyped-def]
         whole, rising = _acted(modes.poles[n] * step)
         left = np.exp(modes.poles[n] * step)
         grown[0, n], grown[1, n] = left.real, left.imag
-        all_before = 1.0 / (1.0 - np.exp(modes.poles[n] * revolution))
+        lost = 1.0 - np.exp(modes.poles[n] * revolution)
+        # Of a mode that does not die away there is no motion that repeats.
+        all_before = 1.0 / lost if lost != 0.0 else complex(np.nan, np.nan)
         forever[0, n], forever[1, n] = all_before.real, all_before.imag
         for axis in range(2):
             late = step * rising * modes.driven[n, axis]
@@ -396,6 +397,8 @@ def _settled(sampled, share, steps, force, most):  # type: ignore[no-untyped-def
     nearest, since = far, 0
     for _ in range(most):
         missed = _corrected(sampled, share, steps, force, motion, who)
+        if not np.isfinite(missed).all():
+            return False
         length = 1.0
         for _ in range(HALVINGS):
             other[:] = force + length * missed
@@ -431,7 +434,7 @@ def _held_against(sampled, share, force, motion, who):  # type: ignore[no-untype
 
 @compiled
 def _corrected(sampled, share, steps, force, motion, who):  # type: ignore[no-untyped-def]
-    """Return by how much forces (2, sample) miss those that repeat while who cuts what is held, to SOLVED of that.
+    """Return by how much forces (2, sample) miss those that repeat while who cuts what is held, but for 1e-8 of that.
 
     motion: (2, sample), the one under the forces.
     """

@@ -33,8 +33,8 @@ MISSED_BY, SAME_FREQUENCY, MOST_FREQUENCIES, BESIDE = 3.0, 0.05, 3, 0.02
 #: Strengths with which values of a shape are looked at one by one, in widths of the prior: to a weak effect that is
 #: not quite right the data do not object, and a strong one is seen by no weak one's light.
 SCANNED_AMPLITUDES = (0.3, 1.0)
-#: So many of what is looked at one by one are looked at with the motion that unlike teeth force, which costs four times
-#: as much, and moves boundaries by less than teeth do that are a fifth of a wave farther apart.
+#: Of a strength that makes teeth unlike, and is looked at value by value, so many values are looked at with the motion
+#: that they force, which takes several times as long as without.
 SCREENED = 6
 #: Of all cuts that chatter so many leave no more waves between two teeth than count.
 MANY_WAVES = 0.9
@@ -61,15 +61,16 @@ def promises(
     """Return starts of an effect, and what each promises over its null [nats]; scanned: whether a scan is among them.
 
     Each shape is looked at with the first strength, the best of them and of what is scanned with the others too, and
-    all shapes again with the strength that was best. Where all there is of an effect is a strength that is scanned no
+    all shapes again with the strength that was best. Where an effect is nothing but a strength, and that is scanned, no
     other is looked at.
 
     See docs/physics.md#diagnosis.
     """
-    shapes, values = shapes_of(new, comparison, at_null), _scanned(new, comparison, own, amplitudes) if scanned else []
-    if values and [parameter.name for parameter in new.term.parameters] == [new.scan[0] if new.scan else ""]:
-        return [(worth.of(start), start) for start in _worth_a_look(worth, values)]
-    first = starts_at(comparison, own, new, amplitudes[:1], shapes) + _worth_a_look(worth, values)
+    one_by_one = _scanned(new, comparison, own, amplitudes) if scanned else []
+    if len(one_by_one) > SCREENED and _is_scanned_strength(new):
+        return _screened(worth, new, one_by_one)
+    shapes = shapes_of(new, comparison, at_null)
+    first = starts_at(comparison, own, new, amplitudes[:1], shapes) + one_by_one
     found = [(worth.of(start), start) for start in first]
 
     def add(starts: Iterable[Array]) -> None:
@@ -84,19 +85,31 @@ def promises(
     return found
 
 
-def _worth_a_look(worth: "Worth", scanned: list[Array]) -> list[Array]:
-    """Return what is to be looked at of places that are looked at one by one (parameter,), ascending: mostly all.
+def _is_scanned_strength(new: Candidate) -> bool:
+    """Return whether an effect is nothing but a strength, which is scanned to each side where it can go."""
+    if new.scan is None or len(new.term.parameters) > 1:
+        return False
+    (strength,), values = new.term.parameters, new.scan[1]
+    below, above = min(values) < strength.null, max(values) > strength.null
+    return (below or strength.lower == strength.null) and (above or strength.upper == strength.null)
 
-    Where it is the new effect that makes teeth unlike, those that promise most as if their chips forced no motion.
+
+def _screened(worth: "Worth", new: Candidate, scanned: Sequence[Array]) -> list[tuple[float, Array]]:
+    """Return scanned places (parameter,) of a strength and what they promise [nats].
+
+    Where it is the effect that makes teeth unlike, only those are looked at that promise most as if their chips forced
+    no motion. What the others promise is minus infinity: they part peaks as they do where all are looked at.
     """
-    if len(scanned) <= SCREENED or not worth.makes_teeth_unlike(scanned[0]):
-        return scanned
-    still, told = worth.still, dict[tuple[float, ...], tuple[float, Array]]()
-    for number, start in enumerate(scanned):
-        told[float(number),] = still.of(start), start
-    peaks = sorted(_peaks(told), key=lambda one: -one[0])
-    others = sorted((one for one in told.values() if not any(one is peak for peak in peaks)), key=lambda one: -one[0])
-    return [start for _, start in [*peaks, *others][:SCREENED]]
+    if not any(worth.makes_teeth_unlike(start) for start in scanned):
+        return [(worth.of(start), start) for start in scanned]
+    (place,) = np.flatnonzero(worth.added)
+    unmoved, still = worth.still, dict[tuple[float, ...], tuple[float, Array]]()
+    for start in scanned:
+        still[float(start[place]),] = unmoved.of(start), start
+    peaks = {float(start[place]) for _, start in _peaks(still)}
+    order = sorted(still, key=lambda value: (value[0] not in peaks, -still[value][0]))
+    promise = {value: worth.of(still[value][1]) for value in order[:SCREENED]}
+    return [(promise.get(value, -np.inf), start) for value, (_, start) in still.items()]
 
 
 def other_shapes(comparison: Comparison, values: Array, new: Candidate) -> list[Array]:
@@ -271,7 +284,7 @@ class Worth:
         """The same as if the chips of unlike teeth forced no motion, where at the null none are unlike."""
         comparison = self.climb.problem
         assert isinstance(comparison, Comparison)
-        return Worth(Climb(comparison.still, self.climb.free | self.added), self.at_null, self.known, self.added)
+        return Worth(Climb(comparison.still, self.climb.free), self.at_null, self.known, self.added)
 
     def makes_teeth_unlike(self, values: Array) -> bool:
         """Return whether teeth are unlike at values (parameter,), and alike at the null."""

@@ -289,7 +289,7 @@ def _look_back(
         _add_at_nodes(feedback.gain, layout, parts.within(acting[:, :, term]), of_all[:, :, term])
     # Of many teeth few cut at once: the terms that act in an element come first, and what acts nowhere is left out.
     order = np.zeros(of_all.shape[:3], dtype=np.intp)
-    order = order[:, :, : _acting_first(acting, order)]
+    order = order[:, :, : _acting_first(of_all, acting, order)]
     gain = np.empty((*order.shape, NODES, *couples))
     _take(of_all, order, gain)
     earlier = time[:, :, None, :] - delays[np.arange(len(time))[:, None, None], order][..., None]
@@ -301,15 +301,18 @@ def _look_back(
 
 
 @compiled
-def _acting_first(acting, order):  # type: ignore[no-untyped-def]
-    """Fill in the terms (point, element, term), those that act first; return how many act at most, or one."""
+def _acting_first(gain, acting, order):  # type: ignore[no-untyped-def]
+    """Fill in the terms (point, element, term), those that act first; return how many act at most, or one.
+
+    acting: (point, element, term), which may act; none else has a gain.
+    """
     most = 1
     for p in range(acting.shape[0]):
         for e in range(acting.shape[1]):
             count = 0
             for first in (True, False):
                 for term in range(acting.shape[2]):
-                    if acting[p, e, term] == first:
+                    if (acting[p, e, term] and _acts(gain[p, e, term])) == first:
                         order[p, e, count] = term
                         count += 1
                 if first:
@@ -338,6 +341,8 @@ def _add_at_nodes(gain: Gain, layout: Elements, parts: _Parts, result: Array) ->
 
     Its integrals against the nodes' polynomials, over the nodes' weights: the gain itself where that is smooth.
     """
+    if not parts.start.size:
+        return
     nodes, weights = collocation.gauss(NODES)
     value = gain(parts.start[..., None] + parts.length[..., None] * nodes)
     _add_integrals(

@@ -160,3 +160,12 @@ def test_a_law_that_fails_as_it_is_configured_is_told_at_once(tmp_path: Path, ca
     assert main([verb, *words, f"output={tmp_path / 'answer'}"]) == 2
     assert "mine.py: tip_modes returned modes whose damping_ratio is -0." in capsys.readouterr().err
     assert not (tmp_path / "answer").exists()
+
+
+def test_whether_teeth_are_unlike_is_asked_as_forgivingly_as_all_else(tmp_path):
+    law = "return replace(found, pitch=found.pitch * (1.0 - 2.0 * size))"
+    model = model_with(tmp_path, "teeth", law, touches="cut")
+    strict = model_with(tmp_path, "teeth", law, touches="cut", forgiving=False)
+    assert not model.has_unlike_teeth(at(model, 0.9))
+    with pytest.raises(OwnLawFails):
+        strict.has_unlike_teeth(at(strict, 0.9))

@@ -10,8 +10,8 @@ import numpy as np
 
 from tests.hidden_effect.effects import FOREIGN, NAMED
 
-#: Seeds for choosing thresholds and temperatures, and seeds for a judgement each; no seed is in two of them. Later tests
-#: are for programs that were changed because of what earlier ones showed.
+#: Seeds for choosing thresholds and temperatures, and seeds for a judgement each; no seed is in two of them. Later
+#: tests are for programs that were changed because of what earlier ones showed.
 CALIBRATION_SEEDS = range(1000, 1200)
 TEST_SEEDS = range(5000, 5200)
 SECOND_TEST_SEEDS = range(6000, 6200)

@@ -114,3 +114,11 @@ def test_force_coefficients_of_the_paper():
     # k1 = 0.3 / cos 30 = 0.34641016; k2 = 1 + 0.57735027 * 0.2 * (0.98480775 - 0.3 * 0.17364818) = 1.10770045
     assert found.radial / 900e6 == pytest.approx(0.34641016, abs=1e-8)
     assert found.tangential / 900e6 == pytest.approx(1.10770045, abs=1e-8)
+
+
+def test_an_edge_at_the_angle_where_it_leaves_still_cuts():
+    """As beside it: K of a straight edge has no hole at the end of a pass."""
+    cut = gain(teeth=2, helix=0.0, direction="slot", immersion=1.0)
+    before, there = cut(np.array([[-1e-9, 0.0]]))[0]
+    assert np.any(before != 0.0)
+    assert there == pytest.approx(before, abs=1e-5 * np.abs(before).max())

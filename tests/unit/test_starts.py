@@ -73,8 +73,11 @@ def test_the_pitch_that_promises_most_is_found_as_if_teeth_forced_no_motion():
     worth = Worth(prospect.climb, prospect.at_null, prospect.known, prospect.added)
     place = [p.name for p in prospect.climb.problem.parameters].index(PITCH.scan[0])
     # The first are beside the base model, those behind beside the machine as described.
-    looked_at = {start[place]: promise for promise, start in reversed(prospect.starts)}
-    assert len(looked_at) <= 1 + 2 * SCREENED < len(FEWER.scan[1])
+    told = {start[place]: promise for promise, start in reversed(prospect.starts)}
+    looked_at = {value: promise for value, promise in told.items() if promise > -np.inf}
+    assert len(looked_at) == 1 + SCREENED < len(FEWER.scan[1])
+    # The others part peaks.
+    assert set(told) == {0.0, *FEWER.scan[1]}
     everywhere = {}
     for value in FEWER.scan[1]:
         start = prospect.at_null.values.copy()
