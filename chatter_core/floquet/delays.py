@@ -79,7 +79,7 @@ class _Broken:
 
 @dataclass(frozen=True, kw_only=True)
 class _Parts:
-    """Elements in the cut, parted where a gain is not smooth: start, length [s] and element (point, part).
+    """Elements in which a gain acts, parted where it is not smooth: start, length [s] and element (point, part).
 
     What is filled up has no length.
     """
@@ -87,29 +87,6 @@ class _Parts:
     start: Array
     length: Array
     element: NDArray[np.intp]
-
-    def within(self, elements: NDArray[np.bool_]) -> "_Parts":
-        """Return the parts of some elements (point, element) alone."""
-        start, length, element = np.zeros_like(self.start), np.zeros_like(self.length), np.zeros_like(self.element)
-        most = _fill_within(self.start, self.length, self.element, elements, start, length, element)
-        return _Parts(start=start[:, :most], length=length[:, :most], element=element[:, :most])
-
-
-@compiled
-def _fill_within(  # type: ignore[no-untyped-def]
-    start, length, element, elements, kept_start, kept_length, kept_element
-):
-    """Fill in the parts of some elements, in turn; return how many a point has at most."""
-    most = 0
-    for p in range(len(start)):
-        count = 0
-        for s in range(start.shape[1]):
-            if length[p, s] > 0.0 and elements[p, element[p, s]]:
-                kept_start[p, count], kept_length[p, count] = start[p, s], length[p, s]
-                kept_element[p, count] = element[p, s]
-                count += 1
-        most = max(most, count)
-    return most
 
 
 def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Elements, LookBack, Array]:
@@ -131,11 +108,11 @@ def lay_out(equation: DelayEquation, refinement: Array | float) -> tuple[Element
     acts = [broken.acting(feedback.gain, equation.period) for feedback in equation.feedback]
     holds = _pieces_with_nodes(equation, broken, acts, delays)
     layout = collocation.break_up(equation, refinement, broken.breakpoints, holds, longest[:, None])
-    parts = _parts(layout, broken.smooth_from)
+    parts = _parts(layout, broken.smooth_from, layout.acts)
     velocity = np.zeros((*layout.piece.shape, NODES, *_couples(equation)))
     for gain in equation.velocity_gain:
         _add_at_nodes(gain, layout, parts, velocity)
-    return layout, _look_back(equation, layout, parts, acts, delays), velocity
+    return layout, _look_back(equation, layout, broken.smooth_from, acts, delays), velocity
 
 
 def _couples(equation: DelayEquation) -> tuple[int, int]:
@@ -240,12 +217,12 @@ def _look_into(acts, begin, length, delay, period, holds):  # type: ignore[no-un
                 holds[p, r] = holds[p, r] or (overlaps and length[p, r] > 0.0)
 
 
-def _parts(layout: Elements, smooth_from: Array) -> _Parts:
-    """Return the elements in the cut, parted where a gain is not smooth."""
+def _parts(layout: Elements, smooth_from: Array, acts: NDArray[np.bool_]) -> _Parts:
+    """Return the elements in which a gain acts (point, element), parted where it is not smooth."""
     points, elements = layout.piece.shape
     start, length = np.zeros((2, points, elements + smooth_from.shape[1]))
     element = np.zeros(start.shape, dtype=np.intp)
-    most = _fill_parts(layout.start, layout.length, layout.acts, smooth_from, start, length, element)
+    most = _fill_parts(layout.start, layout.length, acts, smooth_from, start, length, element)
     return _Parts(start=start[:, :most], length=length[:, :most], element=element[:, :most])
 
 
@@ -279,14 +256,15 @@ def _fill_parts(  # type: ignore[no-untyped-def]
 
 
 def _look_back(
-    equation: DelayEquation, layout: Elements, parts: _Parts, acts: Sequence[NDArray[np.bool_]], delays: Array
+    equation: DelayEquation, layout: Elements, smooth_from: Array, acts: Sequence[NDArray[np.bool_]], delays: Array
 ) -> LookBack:
     time, couples = layout.node_time, _couples(equation)
     of_all = np.zeros((*layout.piece.shape, len(equation.feedback), NODES, *couples))
     acting = np.stack([np.take_along_axis(of_term, layout.piece, axis=1) for of_term in acts], axis=-1)
     for term, feedback in enumerate(equation.feedback):
         # Of many gains few act in an element, and looking at each everywhere would take most of the time.
-        _add_at_nodes(feedback.gain, layout, parts.within(acting[:, :, term]), of_all[:, :, term])
+        own = _parts(layout, smooth_from, acting[:, :, term])
+        _add_at_nodes(feedback.gain, layout, own, of_all[:, :, term])
     # Of many teeth few cut at once: the terms that act in an element come first, and what acts nowhere is left out.
     order = np.zeros(of_all.shape[:3], dtype=np.intp)
     order = order[:, :, : _acting_first(of_all, acting, order)]
