@@ -105,7 +105,8 @@ docs: $(VENV)/.installed-docs ## the documentation as pages for a browser, into 
 test: $(VENV)/.installed-test $(VENV)/.debian ## style, types, import contracts and tests (what takes longest of the tutorial: make tutorial)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	@# While types are checked, what all processes of the tests call is compiled, once.
+	$(BIN)/python -m tests.compiling & compiling=$$!; $(BIN)/mypy; types=$$?; wait $$compiling && exit $$types
 	$(BIN)/lint-imports
 	$(PYTEST) -n 3 --dist loadfile --no-loadscope-reorder $(ARGS)
 

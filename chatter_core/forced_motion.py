@@ -32,12 +32,26 @@ STEPS, HALVINGS = 16, 5
 PATIENCE, NEARER = 4, 0.7
 #: Below this size of z sums tell (e^z - 1) / z and (e^z - 1 - z) / z^2, of so many terms, to rounding.
 NEAR_ZERO, TERMS = 0.5, 16
-#: A motion is followed from none at so many depths, with Newton steps at each and samples in a mean pitch.
-RUNGS, RUNG_STEPS, COARSE = 8, 4, 8
-#: Depths on the way to a motion that is not found otherwise, one set after the other.
-LADDERS = (16, 1, 4)
+#: Samples in a mean pitch while a motion is followed from none.
+COARSE = 8
 #: Forces that are off by this share of the largest have arrived: rounding.
 ARRIVED = 1e-9
+
+
+class Way(NamedTuple):
+    """How a motion is followed through depths.
+
+    rungs: so many depths; steps: of Newton's method at each; at_each: whether it has to arrive there.
+    """
+
+    rungs: int
+    steps: int
+    at_each: bool
+
+
+#: How a motion is followed from none, how from nearby, and how where it is not found so, one after the other.
+ROUGHLY, AT_ONCE = Way(8, 4, False), Way(1, STEPS, True)
+LADDERS = (Way(16, STEPS, True), AT_ONCE, Way(4, STEPS, True))
 
 
 class Cut(NamedTuple):
@@ -144,17 +158,23 @@ def repeating_force(cut, modes, revolution, samples):  # type: ignore[no-untyped
     """
     sampled, steps = _sampled(cut, samples), steps_of(modes, revolution, samples)
     few = COARSE * len(cut.passed)
-    force = _finer(_approached(_sampled(cut, few), steps_of(modes, revolution, few)), samples)
-    if _settled(sampled, 1.0, steps, force, STEPS):
+    coarse = np.zeros((2, few))
+    _followed(_sampled(cut, few), steps_of(modes, revolution, few), coarse, ROUGHLY)
+    force = _finer(coarse, samples)
+    if _followed(sampled, steps, force, AT_ONCE):
         return force, True
     force, change = _from_rest(sampled, steps)
     found = force.copy()
-    if change <= NEAR and _settled(sampled, 1.0, steps, found, STEPS):
+    if change <= NEAR and _followed(sampled, steps, found, AT_ONCE):
         return found, True
     # Newton's method may go round in circles about a motion at which an edge just grazes the work.
     if change <= REPEATS:
         return force, True
-    return _climbed(sampled, steps)
+    for way in LADDERS:
+        force[:] = 0.0
+        if _followed(sampled, steps, force, way):
+            return force, True
+    return force, False
 
 
 @compiled
@@ -357,34 +377,16 @@ def _cutting(sampled, share, j, x, y, left):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _approached(sampled, steps):  # type: ignore[no-untyped-def]
-    """Return about the force (2, sample) that repeats, followed through depths from none, whether it arrives or not."""
-    force = np.zeros((2, sampled.sine.shape[1]))
-    for rung in range(1, RUNGS + 1):
-        _deeper(sampled, steps, force, rung, RUNGS, RUNG_STEPS)
-    return force
-
-
-@compiled
-def _climbed(sampled, steps):  # type: ignore[no-untyped-def]
-    """Return the force (2, sample) that repeats, by cuts that become deeper, and whether it was found."""
-    force = np.zeros((2, sampled.sine.shape[1]))
-    for rungs in LADDERS:
-        force[:] = 0.0
-        found = True
-        for rung in range(1, rungs + 1):
-            found = found and _deeper(sampled, steps, force, rung, rungs, STEPS)
-        if found:
-            return force, True
-    return force, False
-
-
-@compiled
-def _deeper(sampled, steps, force, rung, rungs, most):  # type: ignore[no-untyped-def]
-    """Bring forces (2, sample) from one rung on the way to full depth to the next; return whether they arrived."""
-    # To begin with, chips of deeper cuts are as thick as before.
-    force *= rung / max(rung - 1, 1)
-    return _settled(sampled, rung / rungs, steps, force, most)
+def _followed(sampled, steps, force, way):  # type: ignore[no-untyped-def]
+    """Bring forces (2, sample) to where they repeat, through depths from a first one; return whether they arrived."""
+    there = False
+    for rung in range(1, way.rungs + 1):
+        # To begin with, chips of deeper cuts are as thick as before.
+        force *= rung / max(rung - 1, 1)
+        there = _settled(sampled, rung / way.rungs, steps, force, way.steps)
+        if way.at_each and not there:
+            break
+    return there
 
 
 @compiled
@@ -397,24 +399,44 @@ def _settled(sampled, share, steps, force, most):  # type: ignore[no-untyped-def
     nearest, since = far, 0
     for _ in range(most):
         missed = _corrected(sampled, share, steps, force, motion, who)
-        if not np.isfinite(missed).all():
+        if not math.isfinite(_largest(missed)):
             return False
-        length = 1.0
-        for _ in range(HALVINGS):
-            other[:] = force + length * missed
+        for halving in range(HALVINGS):
+            length = 0.5**halving
+            _go(force, length, missed, other)
             move(steps, other, motion)
             left = _held_against(sampled, share, other, motion, next_who)
             if left < far:
                 break
-            length *= 0.5
-        force[:] = other
-        who[:], far = next_who, left
-        if far <= ARRIVED * np.abs(force).max():
+        _go(force, length, missed, force)
+        who, next_who, far = next_who, who, left
+        if far <= ARRIVED * _largest(force):
             return True
         nearest, since = (far, 0) if far < NEARER * nearest else (nearest, since + 1)
         if since == PATIENCE:
             return False
     return False
+
+
+@compiled
+def _go(force, length, missed, other):  # type: ignore[no-untyped-def]
+    """Fill in the forces (2, sample) that are so many times what was missed away from others."""
+    for axis in range(2):
+        for j in range(force.shape[1]):
+            other[axis, j] = force[axis, j] + length * missed[axis, j]
+
+
+@compiled
+def _largest(force):  # type: ignore[no-untyped-def]
+    """Return the largest of forces (2, sample) by size; infinity where any is none."""
+    largest = 0.0
+    for axis in range(2):
+        for j in range(force.shape[1]):
+            size = abs(force[axis, j])
+            if not size < math.inf:
+                return math.inf
+            largest = max(largest, size)
+    return largest
 
 
 @compiled
@@ -438,19 +460,31 @@ def _corrected(sampled, share, steps, force, motion, who):  # type: ignore[no-un
 
     motion: (2, sample), the one under the forces.
     """
-    answer, moved = np.empty_like(force), np.empty_like(force)
+    answer, moved, direction = np.empty_like(force), np.empty_like(force), np.empty_like(force)
     _cut(sampled, share, who, motion, 1.0, answer)
-    missed = (answer - force).ravel()
-    last, found = 0, begun(missed)
+    _go(answer, -1.0, force, answer)
+    last, found = 0, begun(answer.ravel())
     if found.size == 0.0:
-        return answer - force
+        return answer
     for number in range(force.size):
-        last, direction = number, found.basis[number].reshape(force.shape)
+        last = number
+        _fill(direction, found.basis[number])
         move(steps, direction, moved)
         _cut(sampled, share, who, moved, 0.0, answer)
-        if arrived(found, number, (direction - answer).ravel()):
+        _go(direction, -1.0, answer, answer)
+        if arrived(found, number, answer.ravel()):
             break
-    return combined(found, last).reshape(force.shape)
+    _fill(answer, combined(found, last))
+    return answer
+
+
+@compiled
+def _fill(force, values):  # type: ignore[no-untyped-def]
+    """Fill forces (2, sample) with values, the first axis first."""
+    samples = force.shape[1]
+    for axis in range(2):
+        for j in range(samples):
+            force[axis, j] = values[axis * samples + j]
 
 
 @compiled

@@ -75,7 +75,9 @@ def begun(right):  # type: ignore[no-untyped-def]
     # Filled in as directions come, and there are few.
     basis, triangle = np.empty((most + 1, most)), np.empty((most + 1, most))
     cosine, sine, left = np.empty(most), np.empty(most), np.empty(most + 1)
-    basis[0], left[0] = right / (size if size > 0.0 else 1.0), size
+    left[0] = size
+    for i in range(most):
+        basis[0, i] = right[i] / (size if size > 0.0 else 1.0)
     return Directions(size, basis, triangle, cosine, sine, left)
 
 
@@ -105,7 +107,8 @@ def arrived(found, number, answer):  # type: ignore[no-untyped-def]
     left[number + 1], left[number] = -sine[number] * left[number], cosine[number] * left[number]
     if not abs(left[number + 1]) > SOLVED * size:
         return True
-    basis[number + 1] = answer / beyond
+    for i in range(len(answer)):
+        basis[number + 1, i] = answer[i] / beyond
     return False
 
 

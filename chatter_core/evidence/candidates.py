@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from chatter_core.evidence.comparison import Comparison
+from chatter_core.evidence.comparison import Compared, Comparison
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.newton import Climb
-from chatter_core.evidence.parameters import Array, Parameter
+from chatter_core.evidence.parameters import Array, Evaluation, Parameter
 from chatter_core.stages import Term
 
 
@@ -88,8 +88,7 @@ def slope_of(hypothesis: Hypothesis) -> Array:
     """
     fit = hypothesis.fit
     climb = Climb(hypothesis.comparison, ~fit.fixed)
-    here = hypothesis.comparison.evaluate(fit.estimate)
-    return climb.derivatives(fit.estimate, here, np.asarray(fit.standard_deviation))[0]
+    return climb.derivatives(fit.estimate, fit.evaluation, np.asarray(fit.standard_deviation))[0]
 
 
 def carried(comparison: Comparison, fit: Fit) -> Array:
@@ -99,3 +98,16 @@ def carried(comparison: Comparison, fit: Fit) -> Array:
     """
     known = {parameter.name: value for parameter, value in zip(fit.parameters, fit.estimate, strict=True)}
     return np.array([known.get(parameter.name, parameter.null) for parameter in comparison.parameters])
+
+
+def evaluation_at_nulls(comparison: Comparison, fit: Fit) -> Evaluation:
+    """Return the evaluation of another model's fit as that of one which has effects more, at their nulls.
+
+    None changes anything there, so nothing is evaluated.
+
+    See docs/physics.md#diagnosis.
+    """
+    state = fit.evaluation.state
+    assert isinstance(state, Compared)
+    prediction = replace(state.prediction, values=carried(comparison, fit))
+    return replace(fit.evaluation, state=replace(state, prediction=prediction))

@@ -224,9 +224,8 @@ class Climb:
         step = self._cut(_step(gradient, information, self.free & ~self._held(values, gradient), 0.0)[0])
         return float(gradient @ step - 0.5 * step @ information @ step)
 
-    def stay(self, values: Array, known: Array, added: NDArray[np.bool_] | None = None) -> Maximum:
-        """Return values (parameter,) as where a climb ended; known and added: as for ``approach``."""
-        here = self.place(values)
+    def stay(self, here: Place, known: Array, added: NDArray[np.bool_] | None = None) -> Maximum:
+        """Return a place as where a climb ended; known and added: as for ``approach``."""
         return self._near(here, self._jacobian(here, known, added))
 
     def _jacobian(self, here: Place, known: Array | None, added: NDArray[np.bool_] | None) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_core.evidence.calibration import START_GAIN
-from chatter_core.evidence.candidates import Candidate, Hypothesis, carried, extended, slope_of
+from chatter_core.evidence.candidates import Candidate, Hypothesis, carried, evaluation_at_nulls, extended, slope_of
 from chatter_core.evidence.comparison import Comparison
 from chatter_core.evidence.fit import Fit, free_parameters, maximise, result
 from chatter_core.evidence.newton import Climb, Maximum, Place
@@ -58,15 +58,14 @@ def ground(hypothesis: Hypothesis) -> Ground:
     """
     fit, slope, comparison = hypothesis.fit, slope_of(hypothesis), hypothesis.comparison
     climb, bent = Climb(comparison, ~fit.fixed), has_bent(hypothesis)
-    height, here = climb.posterior(fit.estimate)
     smooth = _smooth(climb)
-    end = smooth.approach(fit.estimate, START_GAIN, slope[smooth_rows(here)])
+    end = smooth.approach(fit.estimate, START_GAIN, slope[smooth_rows(fit.evaluation)])
     return Ground(
         hypothesis=hypothesis,
         slope=slope,
         smooth_gain=end.log_posterior - smooth.posterior(fit.estimate)[0],
-        whole_gain=climb.posterior(end.values)[0] - height,
-        misheard=comparison.structural is None and missed_frequencies(comparison, here).size > 0,
+        whole_gain=climb.posterior(end.values)[0] - fit.log_posterior,
+        misheard=comparison.structural is None and missed_frequencies(comparison, fit.evaluation).size > 0,
         bent=bent,
         height_at_rest=_height_at_rest(hypothesis) if bent else None,
     )
@@ -127,10 +126,13 @@ def _at_null(
 ) -> tuple[Climb, Maximum, Array, NDArray[np.bool_]]:
     """Return the climb of a model with an effect more, where it stands at its null, and what of its slope is known."""
     comparison, new = extended(base, candidates), candidates[-1]
-    own, known = carried(comparison, nested.hypothesis.fit), _in_order(comparison, nested)
+    fit, known = nested.hypothesis.fit, _in_order(comparison, nested)
+    own, evaluation = carried(comparison, fit), evaluation_at_nulls(comparison, fit)
     added = np.array([parameter in new.term.parameters for parameter in comparison.parameters])
     climb = Climb(comparison, free_parameters(comparison, (), own))
-    return climb, climb.stay(own, known, added), known, added
+    height = evaluation.log_likelihood + log_prior(comparison.parameters, own)
+    here = Place(values=own, height=height, evaluation=evaluation)
+    return climb, climb.stay(here, known, added), known, added
 
 
 def look(

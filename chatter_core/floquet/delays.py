@@ -222,8 +222,11 @@ def _parts(layout: Elements, smooth_from: Array, acts: NDArray[np.bool_]) -> _Pa
     points, elements = layout.piece.shape
     start, length = np.zeros((2, points, elements + smooth_from.shape[1]))
     element = np.zeros(start.shape, dtype=np.intp)
+    acts = np.ascontiguousarray(acts)
     most = _fill_parts(layout.start, layout.length, acts, smooth_from, start, length, element)
-    return _Parts(start=start[:, :most], length=length[:, :most], element=element[:, :most])
+    # One layout in memory for all: each is compiled for itself.
+    start, length, element = (np.ascontiguousarray(one[:, :most]) for one in (start, length, element))
+    return _Parts(start=start, length=length, element=element)
 
 
 @compiled
@@ -268,8 +271,8 @@ def _look_back(
     # Of many teeth few cut at once: the terms that act in an element come first, and what acts nowhere is left out.
     order = np.zeros(of_all.shape[:3], dtype=np.intp)
     order = order[:, :, : _acting_first(of_all, acting, order)]
-    gain = np.empty((*order.shape, NODES, *couples))
-    _take(of_all, order, gain)
+    points, elements = np.ogrid[: order.shape[0], : order.shape[1]]
+    gain = of_all[points[..., None], elements[..., None], order]
     earlier = time[:, :, None, :] - delays[np.arange(len(time))[:, None, None], order][..., None]
     past = earlier < layout.start[:, :1, None, None]
     earlier = np.where(past, earlier + equation.period[:, None, None, None], earlier)
@@ -305,13 +308,6 @@ def _acts(gain):  # type: ignore[no-untyped-def]
     for place in np.ndindex(gain.shape):
         acting = acting or gain[place] != 0.0
     return acting
-
-
-@compiled
-def _take(of_all, order, gain):  # type: ignore[no-untyped-def]
-    """Fill in the gains (point, element, term, ..) of some terms, in their order."""
-    for p, e, t in np.ndindex(order.shape):
-        gain[p, e, t] = of_all[p, e, order[p, e, t]]
 
 
 def _add_at_nodes(gain: Gain, layout: Elements, parts: _Parts, result: Array) -> None:

@@ -192,7 +192,7 @@ def test_a_null_that_the_data_lead_away_from_has_no_more_evidence_than_where_it_
     one = parameter(lower=0.0)
     problem = Normal((one,), lambda values: np.array([3.0 - values[0]]))
     climb = Climb(problem, np.array([True]))
-    stayed = result(problem, climb.stay(np.zeros(1), np.array([[-1.0]]), np.array([False])), 0, -np.inf)
+    stayed = result(problem, climb.stay(climb.place(np.zeros(1)), np.array([[-1.0]]), np.array([False])), 0, -np.inf)
     # The gradient of 3 leads inwards: a step would gain 2.25 nats, and nobody took it.
     assert stayed.log_evidence < climb.posterior(np.zeros(1))[0] + math.log(math.sqrt(math.pi))
     assert stayed.reason.endswith("promises 2.2 nats")

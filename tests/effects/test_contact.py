@@ -283,12 +283,13 @@ def test_a_motion_that_one_way_misses_another_finds(missed: str, reference_machi
     """Of a stable cut there is one motion, whichever way leads to it."""
     speed, depth = np.array([9000.0]) * RPM, np.array([3e-4])
     usual = met_by(reference_machine, 20.0, speed, depth)
-    real_settled, real_rest, asked = forced_motion._settled, forced_motion._from_rest, []
+    real_followed, real_rest, at_once = forced_motion._followed, forced_motion._from_rest, forced_motion.AT_ONCE
+    asked = []
 
-    def settled(sampled, share, steps, force, most):
-        asked.append(share)
-        misses = "Newton" in missed and not (missed == "Newton once" and len(asked) == 2)
-        return not misses and real_settled(sampled, share, steps, force, most)
+    def followed(sampled, steps, force, way):
+        asked.append(way)
+        misses = way == at_once and "Newton" in missed and not (missed == "Newton once" and asked.count(at_once) == 2)
+        return not misses and real_followed(sampled, steps, force, way)
 
     def from_rest(sampled, steps):
         """A start from rest stands still, and says that it moves."""
@@ -298,11 +299,11 @@ def test_a_motion_that_one_way_misses_another_finds(missed: str, reference_machi
     def found(cut, modes, revolution, samples):
         asked.clear()
         force, arrived = forced_motion.repeating_force.py_func(cut, modes, revolution, samples)
-        ways.append(len(asked))
+        ways.append(asked.count(at_once))
         return force, arrived
 
     ways: list[int] = []
-    monkeypatch.setattr(forced_motion, "_settled", settled)
+    monkeypatch.setattr(forced_motion, "_followed", followed)
     monkeypatch.setattr(forced_motion, "_from_rest", from_rest)
     monkeypatch.setattr(contact, "repeating_force", found)
     monkeypatch.setattr(contact, "_meet", contact._meet.py_func)

@@ -7,7 +7,14 @@ import pytest
 
 from chatter_core.effects import variants
 from chatter_core.evidence import CampaignModel, Comparison, base_model, calibrate
-from chatter_core.evidence.candidates import Candidate, Hypothesis, extended, slope_of
+from chatter_core.evidence.candidates import (
+    Candidate,
+    Hypothesis,
+    carried,
+    evaluation_at_nulls,
+    extended,
+    slope_of,
+)
 from chatter_core.evidence.fit import free_parameters, maximise
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.next_trial import next_trial
@@ -125,6 +132,20 @@ def test_terms_act_in_the_order_of_the_chain_whoever_names_them_first():
     later = extended(extended(base, [PROCESS_DAMPING]), [ASYMMETRY])
     assert [p.name for p in one.parameters] == [p.name for p in other.parameters] == [p.name for p in later.parameters]
     assert PROCESS_DAMPING.place > ASYMMETRY.place
+
+
+@pytest.mark.parametrize("name", ["process_damping", "directional_asymmetry", "workpiece_mode", "tool_runout"])
+def test_a_fit_is_taken_over_by_a_model_with_an_effect_more_at_its_null(damped, name):
+    """Bit for bit as it would be evaluated anew, and so are the differences that are taken from there."""
+    base, _ = damped
+    comparison = extended(base.comparison, [candidate(name)])
+    own, taken_over = carried(comparison, base.fit), evaluation_at_nulls(comparison, base.fit)
+    anew, aside = comparison.evaluate(own), own.copy()
+    aside[[name in p.name for p in comparison.parameters].index(True)] += 1e-3
+    assert np.array_equal(taken_over.log_density, anew.log_density)
+    differences = [comparison.evaluate(aside, known).coordinates for known in (taken_over, anew)]
+    assert np.array_equal(*differences)
+    assert not np.array_equal(differences[0], anew.coordinates)
 
 
 def test_refitting_never_makes_a_hypothesis_worse(damped):
