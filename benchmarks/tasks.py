@@ -15,11 +15,14 @@ from benchmarks.cases import RPM
 from benchmarks.clock import median_seconds
 from benchmarks.points import DEFAULT, radii
 from chatter_core.chain import milling_equation, structure
+from chatter_core.effects import activate, apply_effects
 from chatter_core.lobes import lobe_block
 from pipeline.configuration import compose_settings, sort_words
 
 #: Step in ln(depth) from which the slope of ln(spectral radius) is taken.
 SLOPE_STEP = 1e-3
+#: Runout that makes teeth unlike.
+RUNOUT_UM = 10.0
 
 
 def single_lines() -> list[str]:
@@ -30,6 +33,7 @@ def single_lines() -> list[str]:
     trial_speed = random.uniform(4_000.0, 20_000.0, 150) * RPM
     trial_depth = random.uniform(0.3e-3, 2e-3, 150)
     given = structure(machine, trial_speed, mode_count=4)
+    uneven = apply_effects(machine, [activate("tool_runout", {"runout_um": RUNOUT_UM})])
 
     def diagram(cells: str) -> None:
         lobe_block(
@@ -46,11 +50,11 @@ def single_lines() -> list[str]:
         for preload in (50.0, 100.0, 200.0, 400.0):
             structure(machine.with_preload(preload), speed, mode_count=4)
 
-    def trials(built: object = None) -> None:
+    def trials(built: object = None, stages: object = machine) -> None:
         built = built or structure(machine, trial_speed, mode_count=4)
         index = np.tile(np.arange(150), 2)
         depth = np.concatenate([trial_depth, trial_depth * np.exp(SLOPE_STEP)])
-        radius = radii(milling_equation(machine, built, index, depth), DEFAULT)
+        radius = radii(milling_equation(stages, built, index, depth), DEFAULT)
         np.log(radius[150:] / radius[:150]) / SLOPE_STEP
 
     told = []
@@ -60,6 +64,10 @@ def single_lines() -> list[str]:
         ("F: bearing and modes, 221 speeds, 4 preloads", modes),
         ("G: 150 trials, spectral radii and their slope over depth, modes given", lambda: trials(given)),
         ("G: the same with bearing and modes anew", trials),
+        (
+            f"G: as the first, with {RUNOUT_UM:g} um of runout and the motion it forces",
+            lambda: trials(given, uneven),
+        ),
     ):
         told.append(f"{name}: {1e3 * median_seconds(work):.0f} ms.  ")
     return told

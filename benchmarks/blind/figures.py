@@ -17,7 +17,7 @@ def reliability_diagram(cases: Sequence[Case]) -> Figure:
     stated, right = np.array([one.stated for one in bins]), np.array([one.right.value for one in bins])
     ends = np.array([[one.right.low, one.right.high] for one in bins]).reshape(-1, 2)
     axes[0].plot([0, 1], [0, 1], color="0.6", linewidth=1)
-    axes[0].errorbar(stated, right, np.abs(ends.T - right), fmt="o", capsize=3)
+    axes[0].errorbar(stated, right, np.abs(ends.T - right), fmt="o", capsize=3, clip_on=False)
     axes[0].set(ylabel="share that was right", xlim=(0, 1), ylim=(0, 1))
     middles = [0.5 * (one.low + one.high) for one in bins]
     drawn = axes[1].bar(middles, [one.right.count for one in bins], width=0.09, color="0.6")
