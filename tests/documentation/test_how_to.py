@@ -4,12 +4,11 @@ import io
 import shutil
 import subprocess
 from contextlib import redirect_stderr, redirect_stdout
-from functools import partial
 from pathlib import Path
 
 import pytest
 
-from pipeline import figures, pieces
+from pipeline import figures
 from pipeline.__main__ import main
 from tests.documentation.commands import HOW_TO, ROOT, Block, blocks, words_of
 
@@ -74,9 +73,6 @@ def test_a_how_to_does_what_it_says(page, tmp_path, monkeypatch):
     shutil.copytree(ROOT / "docs" / "examples", tmp_path / "docs" / "examples")
     shutil.copytree(ROOT / "tests" / "data" / "campaigns" / "r01", tmp_path / "tests" / "data" / "campaigns" / "r01")
     monkeypatch.chdir(tmp_path)
-    # Lobes are drawn coarsely: no number hangs on them, and they would take half of the time.
-    monkeypatch.setattr(pieces, "sure_field", partial(pieces.sure_field, grid=(40, 12)))
-    monkeypatch.setattr(pieces, "deviation", partial(pieces.deviation, grid=(40, 12), coarse_grid=(20, 6)))
     # A study's figures take longer than the study, and are drawn in tests of their own.
     monkeypatch.setattr(figures, "write", lambda lobes, folder, preload: [])
     follow(blocks(page))

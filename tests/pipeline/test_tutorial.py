@@ -12,7 +12,6 @@ import re
 import shutil
 from contextlib import redirect_stdout
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -99,10 +98,7 @@ def told(tmp_path_factory) -> Told:
     said = io.StringIO()
     with pytest.MonkeyPatch.context() as patched, redirect_stdout(said):
         patched.chdir(folder)
-        # Lobes are drawn coarsely: no number hangs on them, and they would take a quarter of the time.
-        patched.setattr(pieces, "sure_field", partial(pieces.sure_field, grid=(40, 12)))
-        patched.setattr(pieces, "deviation", partial(pieces.deviation, grid=(40, 12), coarse_grid=(20, 6)))
-        # So is the cut that is to be made next looked for, and of intervals none is profiled but those of effects.
+        # The cut that is to be made next is looked for coarsely, and no interval is profiled but those of effects.
         patched.setattr(next_trial, "SPEEDS", 8)
         patched.setattr(next_trial, "DEPTHS", 6)
         patched.setattr(pieces, "interval_end", of_effects_alone)
