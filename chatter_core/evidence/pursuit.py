@@ -22,6 +22,7 @@ from chatter_core.evidence.starts import (
     missed_frequencies,
     promises,
     scanned_widely,
+    smooth_height,
     smooth_rows,
 )
 from chatter_core.evidence.unbent import at_rest, has_bent, unbent, unseen_starts
@@ -63,7 +64,7 @@ def ground(hypothesis: Hypothesis) -> Ground:
     return Ground(
         hypothesis=hypothesis,
         slope=slope,
-        smooth_gain=end.log_posterior - smooth.posterior(fit.estimate)[0],
+        smooth_gain=end.log_posterior - smooth_height(fit.log_posterior, fit.evaluation),
         whole_gain=climb.posterior(end.values)[0] - fit.log_posterior,
         misheard=comparison.structural is None and missed_frequencies(comparison, fit.evaluation).size > 0,
         bent=bent,
@@ -177,7 +178,7 @@ def pursue(prospect: Prospect) -> Hypothesis:
     comparison = climb.problem
     assert isinstance(comparison, Comparison)
     smooth, rows = _smooth(climb), smooth_rows(found.evaluation)
-    still = smooth.posterior(found.values)[0]
+    still = smooth_height(found.log_posterior, found.evaluation)
     for start in chosen(comparison, prospect.candidates[-1], prospect.starts):
         ahead = smooth.approach(start, START_GAIN, known[rows], added, still)
         there = climb.place(ahead.values)

@@ -299,8 +299,7 @@ class Worth:
         return max(reached - self.height, self._followed(values, there, reached) - self.rest)
 
     def _followed(self, values: Array, evaluation: Evaluation, reached: float) -> float:
-        unforeseen = evaluation.log_density[evaluation.datum[~self.smooth]].sum()
-        return reached - float(unforeseen) + self.climb.promise(values, evaluation, self.slope)
+        return smooth_height(reached, evaluation) + self.climb.promise(values, evaluation, self.slope)
 
 
 def smooth_rows(evaluation: Evaluation) -> NDArray[np.bool_]:
@@ -312,6 +311,14 @@ def smooth_rows(evaluation: Evaluation) -> NDArray[np.bool_]:
     rows = np.ones(len(evaluation.coordinates), dtype=bool)
     rows[evaluation.state.coordinates_of.get("chatter_frequency", slice(0))] = False
     return rows
+
+
+def smooth_height(height: float, evaluation: Evaluation) -> float:
+    """Return the log posterior by the smooth data alone, from that by all.
+
+    See docs/physics.md#diagnosis.
+    """
+    return height - float(evaluation.log_density[evaluation.datum[~smooth_rows(evaluation)]].sum())
 
 
 def starts_at(
