@@ -106,9 +106,10 @@ test: $(VENV)/.installed-test $(VENV)/.debian ## style, types, import contracts 
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	@# While types are checked, what all processes of the tests call is compiled, once.
-	$(BIN)/python -m tests.compiling & compiling=$$!; $(BIN)/mypy; types=$$?; wait $$compiling && exit $$types
+	OMP_NUM_THREADS=1 $(BIN)/python -m tests.compiling & compiling=$$!; trap "kill $$compiling" INT TERM; \
+		$(BIN)/mypy; types=$$?; wait $$compiling && exit $$types
 	$(BIN)/lint-imports
-	$(PYTEST) -n 3 --dist loadfile --no-loadscope-reorder $(ARGS)
+	$(PYTEST) -n 4 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 clean: ## remove the environment and caches, keep results
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -33,7 +33,7 @@ def single_lines() -> list[str]:
     trial_speed = random.uniform(4_000.0, 20_000.0, 150) * RPM
     trial_depth = random.uniform(0.3e-3, 2e-3, 150)
     given = structure(machine, trial_speed, mode_count=4)
-    uneven = apply_effects(machine, [activate("tool_runout", {"runout_um": RUNOUT_UM})])
+    uneven = apply_effects(machine, [activate("tool_runout", {"runout_um": RUNOUT_UM, "phase_deg": 0.0})])
 
     def diagram(cells: str) -> None:
         lobe_block(

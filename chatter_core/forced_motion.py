@@ -50,8 +50,8 @@ class Way(NamedTuple):
 
 
 #: How a motion is followed from none, how from nearby, and how where it is not found so, one after the other.
-ROUGHLY, AT_ONCE = Way(8, 4, False), Way(1, STEPS, True)
-LADDERS = (Way(16, STEPS, True), AT_ONCE, Way(4, STEPS, True))
+ROUGHLY, DIRECTLY = Way(8, 4, False), Way(1, STEPS, True)
+LADDERS = (Way(16, STEPS, True), DIRECTLY, Way(4, STEPS, True))
 
 
 class Cut(NamedTuple):
@@ -161,11 +161,11 @@ def repeating_force(cut, modes, revolution, samples):  # type: ignore[no-untyped
     coarse = np.zeros((2, few))
     _followed(_sampled(cut, few), steps_of(modes, revolution, few), coarse, ROUGHLY)
     force = _finer(coarse, samples)
-    if _followed(sampled, steps, force, AT_ONCE):
+    if _followed(sampled, steps, force, DIRECTLY):
         return force, True
     force, change = _from_rest(sampled, steps)
     found = force.copy()
-    if change <= NEAR and _followed(sampled, steps, found, AT_ONCE):
+    if change <= NEAR and _followed(sampled, steps, found, DIRECTLY):
         return found, True
     # Newton's method may go round in circles about a motion at which an edge just grazes the work.
     if change <= REPEATS:
@@ -403,12 +403,12 @@ def _settled(sampled, share, steps, force, most):  # type: ignore[no-untyped-def
             return False
         for halving in range(HALVINGS):
             length = 0.5**halving
-            _go(force, length, missed, other)
+            _add_up(force, length, missed, other)
             move(steps, other, motion)
             left = _held_against(sampled, share, other, motion, next_who)
             if left < far:
                 break
-        _go(force, length, missed, force)
+        _add_up(force, length, missed, force)
         who, next_who, far = next_who, who, left
         if far <= ARRIVED * _largest(force):
             return True
@@ -419,11 +419,11 @@ def _settled(sampled, share, steps, force, most):  # type: ignore[no-untyped-def
 
 
 @compiled
-def _go(force, length, missed, other):  # type: ignore[no-untyped-def]
-    """Fill in the forces (2, sample) that are so many times what was missed away from others."""
+def _add_up(force, factor, other, result):  # type: ignore[no-untyped-def]
+    """Fill in the sum of forces (2, sample) and so many times others."""
     for axis in range(2):
         for j in range(force.shape[1]):
-            other[axis, j] = force[axis, j] + length * missed[axis, j]
+            result[axis, j] = force[axis, j] + factor * other[axis, j]
 
 
 @compiled
@@ -462,7 +462,7 @@ def _corrected(sampled, share, steps, force, motion, who):  # type: ignore[no-un
     """
     answer, moved, direction = np.empty_like(force), np.empty_like(force), np.empty_like(force)
     _cut(sampled, share, who, motion, 1.0, answer)
-    _go(answer, -1.0, force, answer)
+    _add_up(answer, -1.0, force, answer)
     last, found = 0, begun(answer.ravel())
     if found.size == 0.0:
         return answer
@@ -471,7 +471,7 @@ def _corrected(sampled, share, steps, force, motion, who):  # type: ignore[no-un
         _fill(direction, found.basis[number])
         move(steps, direction, moved)
         _cut(sampled, share, who, moved, 0.0, answer)
-        _go(direction, -1.0, answer, answer)
+        _add_up(direction, -1.0, answer, answer)
         if arrived(found, number, answer.ravel()):
             break
     _fill(answer, combined(found, last))

@@ -1,8 +1,6 @@
 """The reference machine and small builders of equations shared by the tests."""
 
 import math
-from collections.abc import Iterator
-from functools import partial
 from importlib import resources
 
 import numpy as np
@@ -14,7 +12,6 @@ from chatter_core.floquet import DelayedFeedback, DelayEquation, LinearSystem, M
 from chatter_core.machine import Machine, Process, Tool
 from chatter_core.teeth import equal_teeth, passages
 from chatter_core.tip import TipModes, state_space
-from pipeline import pieces
 
 COLLOCATION = MethodSettings(name="collocation", tolerance=1e-4)
 
@@ -22,15 +19,6 @@ COLLOCATION = MethodSettings(name="collocation", tolerance=1e-4)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with what takes longest: files are spread over processes, and none should be left with it in the end."""
     items.sort(key=lambda item: item.path.name != "test_tutorial.py")
-
-
-@pytest.fixture(scope="session", autouse=True)
-def drawn_coarsely() -> Iterator[None]:
-    """Let the lobes of campaigns be drawn coarsely in this process: no number hangs on them, and they take long."""
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(pieces, "sure_field", partial(pieces.sure_field, grid=(40, 12)))
-        patched.setattr(pieces, "deviation", partial(pieces.deviation, grid=(40, 12), coarse_grid=(20, 6)))
-        yield
 
 
 @pytest.fixture(scope="session")

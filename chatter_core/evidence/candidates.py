@@ -100,14 +100,14 @@ def carried(comparison: Comparison, fit: Fit) -> Array:
     return np.array([known.get(parameter.name, parameter.null) for parameter in comparison.parameters])
 
 
-def evaluation_at_nulls(comparison: Comparison, fit: Fit) -> Evaluation:
-    """Return the evaluation of another model's fit as that of one which has effects more, at their nulls.
+def at_nulls(comparison: Comparison, fit: Fit) -> tuple[Array, Evaluation]:
+    """Return the values (parameter,) of another model's fit, and its evaluation, with effects more at their nulls.
 
-    None changes anything there, so nothing is evaluated.
+    None changes anything there, so nothing is evaluated, and what is noted in one evaluation is noted in the other.
 
     See docs/physics.md#diagnosis.
     """
-    state = fit.evaluation.state
+    state, values = fit.evaluation.state, carried(comparison, fit)
     assert isinstance(state, Compared)
-    prediction = replace(state.prediction, values=carried(comparison, fit))
-    return replace(fit.evaluation, state=replace(state, prediction=prediction))
+    prediction = replace(state.prediction, values=values)
+    return values, replace(fit.evaluation, state=replace(state, prediction=prediction))

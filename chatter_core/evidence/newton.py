@@ -93,14 +93,19 @@ class Climb:
     def posterior(self, values: Array) -> tuple[float, Evaluation]:
         """Return the log posterior and the evaluation of values, the same from wherever the climb comes."""
         self.evaluations += 1
-        evaluation = self.problem.evaluate(values)
-        return evaluation.log_likelihood + log_prior(self.problem.parameters, values), evaluation
+        place = self.known_place(values, self.problem.evaluate(values))
+        return place.height, place.evaluation
 
     def place(self, values: Array) -> Place:
         """Return the place at values (parameter,), or at what bounds leave of them."""
         within = np.clip(values, self.lower, self.upper)
         height, evaluation = self.posterior(within)
         return Place(values=within, height=height, evaluation=evaluation)
+
+    def known_place(self, values: Array, evaluation: Evaluation) -> Place:
+        """Return the place at values (parameter,) whose evaluation is known."""
+        height = evaluation.log_likelihood + log_prior(self.problem.parameters, values)
+        return Place(values=values, height=height, evaluation=evaluation)
 
     def from_start(self, start: Array, smallest_gain: float = SMALLEST_GAIN, *, leaps: bool = True) -> Maximum:
         """Return where ``from_place`` leads from values (parameter,)."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from chatter_core.evidence.candidates import Candidate, Hypothesis, carried, evaluation_at_nulls, extended
+from chatter_core.evidence.candidates import Candidate, Hypothesis, carried, extended
 from chatter_core.evidence.comparison import Compared
 from chatter_core.evidence.parameters import Array
 
@@ -38,7 +38,7 @@ def power(base: Hypothesis, candidate: Candidate, slope: Array) -> Power:
     """
     comparison = extended(base.comparison, [candidate])
     own = carried(comparison, base.fit)
-    before, strong = evaluation_at_nulls(comparison, base.fit), own.copy()
+    before, strong = base.fit.evaluation, own.copy()
     names = [parameter.name for parameter in comparison.parameters]
     for parameter in candidate.amplitudes:
         raised = min(parameter.null + USUAL * parameter.prior_width, parameter.upper)

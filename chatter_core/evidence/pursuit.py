@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_core.evidence.calibration import START_GAIN
-from chatter_core.evidence.candidates import Candidate, Hypothesis, carried, evaluation_at_nulls, extended, slope_of
+from chatter_core.evidence.candidates import Candidate, Hypothesis, at_nulls, carried, extended, slope_of
 from chatter_core.evidence.comparison import Comparison
 from chatter_core.evidence.fit import Fit, free_parameters, maximise, result
 from chatter_core.evidence.newton import Climb, Maximum, Place
@@ -128,12 +128,10 @@ def _at_null(
     """Return the climb of a model with an effect more, where it stands at its null, and what of its slope is known."""
     comparison, new = extended(base, candidates), candidates[-1]
     fit, known = nested.hypothesis.fit, _in_order(comparison, nested)
-    own, evaluation = carried(comparison, fit), evaluation_at_nulls(comparison, fit)
+    own, evaluation = at_nulls(comparison, fit)
     added = np.array([parameter in new.term.parameters for parameter in comparison.parameters])
     climb = Climb(comparison, free_parameters(comparison, (), own))
-    height = evaluation.log_likelihood + log_prior(comparison.parameters, own)
-    here = Place(values=own, height=height, evaluation=evaluation)
-    return climb, climb.stay(here, known, added), known, added
+    return climb, climb.stay(climb.known_place(own, evaluation), known, added), known, added
 
 
 def look(

@@ -283,12 +283,12 @@ def test_a_motion_that_one_way_misses_another_finds(missed: str, reference_machi
     """Of a stable cut there is one motion, whichever way leads to it."""
     speed, depth = np.array([9000.0]) * RPM, np.array([3e-4])
     usual = met_by(reference_machine, 20.0, speed, depth)
-    real_followed, real_rest, at_once = forced_motion._followed, forced_motion._from_rest, forced_motion.AT_ONCE
+    real_followed, real_rest, directly = forced_motion._followed, forced_motion._from_rest, forced_motion.DIRECTLY
     asked = []
 
     def followed(sampled, steps, force, way):
         asked.append(way)
-        misses = way == at_once and "Newton" in missed and not (missed == "Newton once" and asked.count(at_once) == 2)
+        misses = way == directly and "Newton" in missed and not (missed == "Newton once" and asked.count(directly) == 2)
         return not misses and real_followed(sampled, steps, force, way)
 
     def from_rest(sampled, steps):
@@ -299,7 +299,7 @@ def test_a_motion_that_one_way_misses_another_finds(missed: str, reference_machi
     def found(cut, modes, revolution, samples):
         asked.clear()
         force, arrived = forced_motion.repeating_force.py_func(cut, modes, revolution, samples)
-        ways.append(asked.count(at_once))
+        ways.append(asked.count(directly))
         return force, arrived
 
     ways: list[int] = []

@@ -124,6 +124,8 @@ def test_a_small_campaign_is_diagnosed_rightly(seed, tmp_path):
     assert found["evaluations"] > 0
     assert document["verdict"] in (("effect",) if SMALL[seed] else ("none", "underpowered"))
     probabilities = {one["effect"]: one["probability"] for one in document["ranking"]}
+    # What makes teeth unlike is tried with all else.
+    assert {"tool_runout", "variable_pitch"} <= set(probabilities)
     probabilities["none"] = document["probability_of_none"]
     known = Case(
         seed=seed, kind="one", verdict=document["verdict"], missing=tuple(document["missing"]),

@@ -1,6 +1,7 @@
 """The tutorial's commands run as they stand, and the numbers that it quotes are those that they tell.
 
-What an improvement tells of cuts held out takes minutes, which ``make test`` does not have: ``make tutorial`` runs it.
+What an improvement tells of cuts held out, and the search among effects that make teeth unlike, take minutes, which
+``make test`` does not have: ``make tutorial`` runs them.
 """
 
 import csv
@@ -198,8 +199,8 @@ def test_errors_on_cuts_held_out_fall_as_the_tutorial_says(told):
 def test_what_is_left_is_told_as_it_is(told):
     assert told.last["verdict"] == "none"
     (none,) = quoted("with a probability of #,")
-    # Fits end within a twentieth of a nat, and there are a dozen of them.
-    rounded(none, told.last["probability_of_none"], 0.05)
+    # Fits end within a twentieth of a nat, and there are a dozen of them; without unlike teeth it is 0.02 more.
+    rounded(none, told.last["probability_of_none"], 0.05 if WHOLE else 0.07)
     shares = quoted("# of the balls' inertia and # of the higher modes")
     for share, effect in zip(shares, ("speed_dependent_bearing", "higher_modes"), strict=True):
         found = told.last["calibration"][f"{effect}.share"]

@@ -10,8 +10,7 @@ from chatter_core.evidence import CampaignModel, Comparison, base_model, calibra
 from chatter_core.evidence.candidates import (
     Candidate,
     Hypothesis,
-    carried,
-    evaluation_at_nulls,
+    at_nulls,
     extended,
     slope_of,
 )
@@ -139,7 +138,7 @@ def test_a_fit_is_taken_over_by_a_model_with_an_effect_more_at_its_null(damped, 
     """Bit for bit as it would be evaluated anew, and so are the differences that are taken from there."""
     base, _ = damped
     comparison = extended(base.comparison, [candidate(name)])
-    own, taken_over = carried(comparison, base.fit), evaluation_at_nulls(comparison, base.fit)
+    own, taken_over = at_nulls(comparison, base.fit)
     anew, aside = comparison.evaluate(own), own.copy()
     aside[[name in p.name for p in comparison.parameters].index(True)] += 1e-3
     assert np.array_equal(taken_over.log_density, anew.log_density)
