@@ -49,7 +49,8 @@ class Way(NamedTuple):
     at_each: bool
 
 
-#: How a motion is followed from none, how from nearby, and how where it is not found so, one after the other.
+#: How a motion is followed from none, how from nearby, and how where it is not found so, one after the other. Numbers
+#: that are passed on one by one would be compiled for each of their values.
 ROUGHLY, DIRECTLY = Way(8, 4, False), Way(1, STEPS, True)
 LADDERS = (Way(16, STEPS, True), DIRECTLY, Way(4, STEPS, True))
 
@@ -421,6 +422,7 @@ def _settled(sampled, share, steps, force, most):  # type: ignore[no-untyped-def
 @compiled
 def _add_up(force, factor, other, result):  # type: ignore[no-untyped-def]
     """Fill in the sum of forces (2, sample) and so many times others."""
+    # In loops: an array expression takes a second to compile, once more in each function above.
     for axis in range(2):
         for j in range(force.shape[1]):
             result[axis, j] = force[axis, j] + factor * other[axis, j]
