@@ -37,8 +37,7 @@ def power(base: Hypothesis, candidate: Candidate, slope: Array) -> Power:
     See docs/physics.md#diagnosis.
     """
     comparison = extended(base.comparison, [candidate])
-    own = carried(comparison, base.fit)
-    before, strong = base.fit.evaluation, own.copy()
+    before, strong = base.fit.evaluation, carried(comparison, base.fit)
     names = [parameter.name for parameter in comparison.parameters]
     for parameter in candidate.amplitudes:
         raised = min(parameter.null + USUAL * parameter.prior_width, parameter.upper)

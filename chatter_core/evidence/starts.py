@@ -275,8 +275,7 @@ class Worth:
         self.climb = Climb(climb.problem, climb.free & ~added)
         self.at_null, self.known, self.added = at_null, known, added
         self.height = at_null.log_posterior
-        self.smooth = smooth_rows(at_null.evaluation)
-        self.slope = np.where(self.smooth[:, None], known, 0.0)
+        self.slope = np.where(smooth_rows(at_null.evaluation)[:, None], known, 0.0)
         self.rest = self._followed(at_null.values, at_null.evaluation, self.height)
 
     @property

@@ -7,13 +7,7 @@ import pytest
 
 from chatter_core.effects import variants
 from chatter_core.evidence import CampaignModel, Comparison, base_model, calibrate
-from chatter_core.evidence.candidates import (
-    Candidate,
-    Hypothesis,
-    at_nulls,
-    extended,
-    slope_of,
-)
+from chatter_core.evidence.candidates import Candidate, Hypothesis, at_nulls, extended, slope_of
 from chatter_core.evidence.fit import free_parameters, maximise
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.next_trial import next_trial
