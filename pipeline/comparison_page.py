@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from chatter_core.evidence import Campaign
 from chatter_core.evidence.assessment import Assessment, Version
@@ -10,8 +10,9 @@ from chatter_core.evidence.failures import Failure
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
 from pipeline import comparison_document, comparison_figures, page
 from pipeline.answer_folder import PAGE
-from pipeline.comparison_plots import comparison_plots
-from pipeline.plots import Embedded, embed
+
+if TYPE_CHECKING:
+    from pipeline.plots import Embedded
 
 CAPTIONS = {
     "residuals": "Above: where the calibrated model puts each cut, as distance from the boundary; below: how far "
@@ -102,9 +103,15 @@ def captions(campaign: Campaign) -> dict[str, str]:
     return {**PLOTTED, "lobes": PLOTTED["lobes"] + told}
 
 
-def plots_of(found: Assessment | None) -> Embedded | None:
+def plots_of(found: Assessment | None) -> "Embedded | None":
     """Return the plots of a page that holds two versions of a model side by side, None where there are none."""
-    made = comparison_plots(found) if found is not None else {}
+    if found is None:
+        return None
+    # The plot library takes a second, and is wanted when all else is done.
+    from pipeline.comparison_plots import comparison_plots
+    from pipeline.plots import embed
+
+    made = comparison_plots(found)
     return embed(made) if made else None
 
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
 from SALib.analyze import sobol
-from scipy import stats
 
 from pipeline.dataset_tables import deepest_mm, inputs_table, limit_or_deepest, stable_throughout
 
@@ -94,7 +94,7 @@ def _of_given(keys: list[str], numbers: np.ndarray, logarithm: np.ndarray) -> tu
     varies = np.ptp(numbers, axis=0) > 0.0
     distance, correlation = np.zeros((2, len(keys)))
     distance[varies] = [_distance(column, logarithm) for column in numbers[:, varies].T]
-    correlation[varies] = [stats.spearmanr(column, logarithm).statistic for column in numbers[:, varies].T]
+    correlation[varies] = [scipy.stats.spearmanr(column, logarithm).statistic for column in numbers[:, varies].T]
     table = _table(keys, {"rank_correlation": correlation, "distance": distance}, "distance")
     text = "Distance between the distribution of the lowest limit depth and that with one input known (PAWN, 0 to 1)."
     return table, text
@@ -109,7 +109,7 @@ def _distance(known: np.ndarray, told: np.ndarray) -> float:
     values = np.unique(known)
     edges = values[1:] if len(values) <= CLASSES else np.quantile(known, np.arange(1, CLASSES) / CLASSES)
     classes = np.searchsorted(edges, known, side="right")
-    return float(np.median([stats.ks_2samp(told[classes == one], told).statistic for one in np.unique(classes)]))
+    return float(np.median([scipy.stats.ks_2samp(told[classes == one], told).statistic for one in np.unique(classes)]))
 
 
 def _table(keys: list[str], columns: dict[str, Any], by: str) -> pd.DataFrame:

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import stats
 
 from chatter_core.evidence import likelihood
 from chatter_core.evidence.bands import LEAST_CHANCE, Band, conspicuous_bands
@@ -183,7 +183,7 @@ def _frequencies(trials: Trials, compared: Compared, judged: NDArray[np.bool_]) 
     residual = likelihood.to_lines(measured[:, None], frequency, spacing)
     scale = likelihood.frequency_scale(measured, compared.prediction.margin[which])
     apart, tooth_passing = np.abs(likelihood.heard_motion(residual, share, scale, spacing)[0]), spacing[:, 0]
-    far = stats.t.ppf(1.0 - 0.5 * IMPROBABLE, likelihood.FREQUENCY_FREEDOM) * scale
+    far = scipy.stats.t.ppf(1.0 - 0.5 * IMPROBABLE, likelihood.FREQUENCY_FREEDOM) * scale
     elsewhere = likelihood.FREQUENCY_ELSEWHERE * np.clip(1.0 - 2.0 * far / tooth_passing, 0.0, 1.0)
     yield _Data(
         quantity="chatter_frequency",
@@ -238,7 +238,7 @@ def _of_tables(campaign: Campaign, compared: Compared, unresolved: NDArray[np.bo
                 f"The model has no answer for {lost} of {len(table.apart)} measured {table.what}; they count as wrong."
             )
             yield Failure(quantity=table.quantity, band={}, excess=lost / len(table.apart), chance=0.0, text=text)
-        standard, far = (table.apart / table.error)[known], stats.norm.ppf(1.0 - 0.5 * IMPROBABLE)
+        standard, far = (table.apart / table.error)[known], scipy.stats.norm.ppf(1.0 - 0.5 * IMPROBABLE)
         for failed, side in ((standard > far, "larger"), (standard < -far, "smaller")):
             data = _Data(
                 quantity=table.quantity,
@@ -329,7 +329,7 @@ def _of_pulls(fit: Fit) -> Iterator[Failure]:
                 quantity="calibration",
                 band={"parameter": parameter.name},
                 excess=float(abs(pull) - LARGEST_PULL),
-                chance=min(1.0, alike[parameter.touches] * float(2.0 * stats.norm.sf(abs(pull)))),
+                chance=min(1.0, alike[parameter.touches] * float(2.0 * scipy.stats.norm.sf(abs(pull)))),
                 text=f"The fit needs {moved} on {parameter.name}, {abs(pull):.1f} times what is plausible "
                 f"({parameter.doc}): either it was stated very wrongly, or it stands in for something that the "
                 "model lacks.",

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from chatter_core.evidence import likelihood
 from chatter_core.evidence.bands import CHANCE
@@ -56,7 +56,7 @@ def misfits(campaign: Campaign, prediction: Prediction) -> list[Misfit]:
         apart = measured.value[lines] - np.nan_to_num(predicted[lines])
         # Both parts of a line have that error each.
         numbers, square = 2.0 * weight * len(lines), weight * float((np.abs(apart / error) ** 2).sum())
-        chance = min(1.0, len(bands) * float(stats.chi2.sf(square, numbers)))
+        chance = min(1.0, len(bands) * float(scipy.stats.chi2.sf(square, numbers)))
         if chance < CHANCE:
             norm = np.linalg.norm(measured.value[lines])
             share = float(np.linalg.norm(apart) / norm), float(np.linalg.norm(error) * np.sqrt(2.0) / norm)

@@ -6,8 +6,8 @@ Intervals hold for independent data: cuts at one speed are not quite, and theirs
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import stats
 
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.comparison import Compared, Comparison
@@ -179,7 +179,7 @@ def _outcome_error(labels: NDArray[np.int8], margin: Array) -> Score:
         of_class = labels == OUTCOMES.index(name)
         seen = int(of_class.sum())
         if seen:
-            share = stats.binomtest(int((of_class & ~right).sum()), seen)
+            share = scipy.stats.binomtest(int((of_class & ~right).sum()), seen)
             interval = share.proportion_ci(COVERAGE, method="wilson")
             below += (share.statistic - interval.low) ** 2
             above += (interval.high - share.statistic) ** 2
@@ -205,7 +205,7 @@ def _mean(data: Array, largest: float) -> Score:
 
 def _median(data: Array) -> Score:
     """Return the median of data (datum,), with the interval that order statistics give."""
-    interval = stats.quantile_test(data, q=float(np.median(data)), p=0.5).confidence_interval(COVERAGE)
+    interval = scipy.stats.quantile_test(data, q=float(np.median(data)), p=0.5).confidence_interval(COVERAGE)
     return Score(value=float(np.median(data)), low=float(interval.low), high=float(interval.high), count=len(data))
 
 
@@ -215,7 +215,8 @@ def _root_mean_square(data: Array, freedom: float) -> Score:
     freedom: how many independent numbers they hold.
     """
     value = float(np.sqrt((data**2).mean()))
-    low, high = value * np.sqrt(freedom / stats.chi2.ppf([0.5 * (1.0 + COVERAGE), 0.5 * (1.0 - COVERAGE)], freedom))
+    tails = [0.5 * (1.0 + COVERAGE), 0.5 * (1.0 - COVERAGE)]
+    low, high = value * np.sqrt(freedom / scipy.stats.chi2.ppf(tails, freedom))
     return Score(value=value, low=float(low), high=float(high), count=len(data))
 
 

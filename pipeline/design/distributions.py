@@ -8,9 +8,9 @@ from abc import ABC, abstractmethod
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
-from scipy import stats
 
 from chatter_core.machine import no_truth_value
 from chatter_core.reading import shown
@@ -148,14 +148,14 @@ class Normal(Distribution):
     @model_validator(mode="after")
     def _leaves_something(self) -> Self:
         low, high = self._bounds()
-        if not low < high or stats.norm.cdf(high) - stats.norm.cdf(low) < 1e-6:
+        if not low < high or scipy.stats.norm.cdf(high) - scipy.stats.norm.cdf(low) < 1e-6:
             raise ValueError("low and high leave less than a millionth of the distribution between them")
         return self
 
     def quantile(self, share: Array) -> Array:
         """Return the numbers below which these shares of all draws lie; those of 0 and 1 only where it has bounds."""
         low, high = self._bounds()
-        return np.asarray(stats.truncnorm.ppf(share, low, high, loc=self.mean, scale=self.standard_deviation))
+        return np.asarray(scipy.stats.truncnorm.ppf(share, low, high, loc=self.mean, scale=self.standard_deviation))
 
     def ends(self) -> Array:
         """Return a low and a high number (2,): the bounds, or where it has none the quantiles 5 and 95 %."""

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from SALib.sample import sobol as saltelli
-from scipy.stats import qmc
 
 from chatter_core.errors import InvalidInput
 from chatter_core.reading import shown
@@ -120,11 +119,11 @@ def _stream(design: Design, level: Level, use: int, count: int) -> Iterator[Arra
     if design.sampling == "random":
         shares: Callable[[], Array] = lambda: rng.random((BLOCK, size))  # noqa: E731
     elif design.sampling == "sobol":
-        sequence = qmc.Sobol(size, rng=rng)
+        sequence = scipy.stats.qmc.Sobol(size, rng=rng)
         shares = lambda: sequence.random(BLOCK)  # noqa: E731
     else:
         # As many strata as are needed; where constraints take some, what follows is of another hypercube.
-        shares = lambda: qmc.LatinHypercube(size, rng=rng).random(count)  # noqa: E731
+        shares = lambda: scipy.stats.qmc.LatinHypercube(size, rng=rng).random(count)  # noqa: E731
     while True:
         yield from _numbers(level, shares())
 
@@ -163,6 +162,9 @@ def _own_number(base: Description, key: str, level: Level) -> float:
 
 def _saltelli(design: Design) -> Array:
     """Return the blocks from which first-order and total indices of Sobol follow (N (key + 2), key)."""
+    # Half a second, of which every process of every run would have its part.
+    from SALib.sample import sobol as saltelli
+
     size = len(design.machine.vary)
     problem = {"num_vars": size, "names": list(design.machine.vary), "bounds": [[0.0, 1.0]] * size}
     # Nothing at the very ends, where an unbounded distribution has no number.

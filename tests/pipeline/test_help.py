@@ -91,6 +91,19 @@ def test_help_and_completion_load_nothing_that_computes(words):
     assert not heavy & set(json.loads(ended.stderr))
 
 
+def test_what_no_process_has_a_use_for_at_its_start_is_not_loaded():
+    # Half a second each, of every process of every run.
+    script = (
+        "import sys, json, pipeline.sweep; of_a_sweep = sorted(sys.modules); import pipeline.improve; "
+        "print(json.dumps([of_a_sweep, sorted(sys.modules)]))"
+    )
+    ended = subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=True, capture_output=True, text=True)
+    of_a_sweep, of_an_improvement = map(set, json.loads(ended.stdout))
+    assert {"numba", "zarr"} <= of_a_sweep
+    assert not {"scipy.stats", "SALib", "bokeh", "matplotlib"} & of_a_sweep
+    assert not {"scipy.stats", "SALib", "bokeh"} & of_an_improvement
+
+
 @pytest.mark.parametrize("words", [["help", "help"], ["help", "-V"], ["--help", "--version"], ["completion", "-h"]])
 def test_help_on_what_is_no_verb_is_that_of_the_program(words, capsys):
     assert main(words) == 0
