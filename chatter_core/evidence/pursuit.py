@@ -256,9 +256,11 @@ def refit(hypothesis: Hypothesis, start: Fit) -> Hypothesis:
 def refit_from(hypothesis: Hypothesis, start: Array) -> Hypothesis:
     """Fit a hypothesis again from values (parameter,); the better one is returned.
 
+    Where the climb is stuck at an edge it ends: going on beyond took a third of the time, and seldom led higher.
+
     See docs/physics.md#diagnosis.
     """
     comparison = hypothesis.comparison
     free = free_parameters(comparison, (), start)
-    found = result(comparison, maximise(comparison, [start], free, 1, LEFT_GAIN), 0, -np.inf)
+    found = result(comparison, maximise(comparison, [start], free, 1, LEFT_GAIN, leaps=False), 0, -np.inf)
     return hypothesis if found.log_posterior < hypothesis.fit.log_posterior else replace(hypothesis, fit=found)

@@ -269,35 +269,36 @@ def _look_back(
         own = _parts(layout, smooth_from, acting[:, :, term])
         _add_at_nodes(feedback.gain, layout, own, of_all[:, :, term])
     # Of many teeth few cut at once: the terms that act in an element come first, and what acts nowhere is left out.
-    order = np.zeros(of_all.shape[:3], dtype=np.intp)
-    order = order[:, :, : _acting_first(of_all, acting, order)]
+    order, count = np.zeros(of_all.shape[:3], dtype=np.intp), np.zeros(of_all.shape[:2], dtype=np.intp)
+    order = order[:, :, : _acting_first(of_all, acting, order, count)]
     points, elements = np.ogrid[: order.shape[0], : order.shape[1]]
     gain = of_all[points[..., None], elements[..., None], order]
     earlier = time[:, :, None, :] - delays[np.arange(len(time))[:, None, None], order][..., None]
     past = earlier < layout.start[:, :1, None, None]
     earlier = np.where(past, earlier + equation.period[:, None, None, None], earlier)
-    element, weight = np.empty(earlier.shape, dtype=np.intp), np.empty((*earlier.shape, NODES))
-    _interpolate(layout.start, layout.length, earlier, collocation.lagrange_powers(), element, weight)
+    element, weight = np.zeros(earlier.shape, dtype=np.intp), np.zeros((*earlier.shape, NODES))
+    _interpolate(layout.start, layout.length, earlier, count, collocation.lagrange_powers(), element, weight)
     return LookBack(element=element, past=past, weight=weight, gain=gain)
 
 
 @compiled
-def _acting_first(gain, acting, order):  # type: ignore[no-untyped-def]
-    """Fill in the terms (point, element, term), those that act first; return how many act at most, or one.
+def _acting_first(gain, acting, order, count):  # type: ignore[no-untyped-def]
+    """Fill in the terms (point, element, term), those that act first, and how many act (point, element).
 
-    acting: (point, element, term), which may act; none else has a gain.
+    Return how many act at most, or one. acting: (point, element, term), which may act; none else has a gain.
     """
     most = 1
     for p in range(acting.shape[0]):
         for e in range(acting.shape[1]):
-            count = 0
+            place = 0
             for first in (True, False):
                 for term in range(acting.shape[2]):
                     if (acting[p, e, term] and _acts(gain[p, e, term])) == first:
-                        order[p, e, count] = term
-                        count += 1
+                        order[p, e, place] = term
+                        place += 1
                 if first:
-                    most = max(most, count)
+                    count[p, e] = place
+                    most = max(most, place)
     return most
 
 
@@ -352,31 +353,33 @@ def _add_integrals(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _interpolate(start, length, time, powers, element, weight):  # type: ignore[no-untyped-def]
-    """Fill which element (point, ...) holds each time, and the weights (.., node) of its nodes there.
+def _interpolate(start, length, time, count, powers, element, weight):  # type: ignore[no-untyped-def]
+    """Fill which element holds each time (point, element, term, node), and the weights (.., node) of its nodes there.
 
     That is the last that has begun, the first where none has; elements of no length, which share their start with
-    others, hold nothing. powers: (node, power), of the polynomial that is one at a node.
+    others, hold nothing. count: (point, element), how many terms act: others look back nowhere. powers: (node, power),
+    of the polynomial that is one at a node.
     """
     nodes = len(powers)
     for p in range(len(time)):
-        times, held, weights = time[p].reshape(-1), element[p].reshape(-1), weight[p].reshape(-1, nodes)
         first = 0
         while length[p, first] == 0.0:
             first += 1
         found = first
-        for i in range(len(times)):
-            # Times ascend from node to node, so the search mostly goes on from where it was.
-            found = found if start[p, found] <= times[i] else first
-            for e in range(found + 1, start.shape[1]):
-                if length[p, e] > 0.0:
-                    if start[p, e] > times[i]:
-                        break
-                    found = e
-            held[i] = found
-            place = (times[i] - start[p, found]) / length[p, found]
-            for n in range(nodes):
-                value = 0.0
-                for power in range(nodes - 1, -1, -1):
-                    value = value * place + powers[n, power]
-                weights[i, n] = value
+        for own in range(time.shape[1]):
+            for term, node in np.ndindex(count[p, own], nodes):
+                # Times ascend from node to node, so the search mostly goes on from where it was.
+                at = time[p, own, term, node]
+                found = found if start[p, found] <= at else first
+                for e in range(found + 1, start.shape[1]):
+                    if length[p, e] > 0.0:
+                        if start[p, e] > at:
+                            break
+                        found = e
+                element[p, own, term, node] = found
+                place = (at - start[p, found]) / length[p, found]
+                for n in range(nodes):
+                    value = 0.0
+                    for power in range(nodes - 1, -1, -1):
+                        value = value * place + powers[n, power]
+                    weight[p, own, term, node, n] = value
