@@ -46,8 +46,8 @@ def run(words: list[str]) -> int:
         count="design.mode_count",
     )
     budget = None if options.budget_hours is None else SECONDS_AN_HOUR * options.budget_hours
-    retry = options.retry_failed == "true"
-    return execute_words(settings, sorted_words, words, root=DATASET, retry_failed=retry, budget=budget)
+    wanted = {"retry_failed": options.retry_failed == "true", "report": options.report == "true"}
+    return execute_words(settings, sorted_words, words, root=DATASET, budget=budget, **wanted)
 
 
 def own_words(words: list[str]) -> OwnWords:

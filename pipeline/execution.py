@@ -55,13 +55,14 @@ def execute_words(
     root: str,
     retry_failed: bool = False,
     budget: float | None = None,
+    report: bool = True,
 ) -> int:
     """Compute what is missing of a study in the place that the words of its verb name, by default one of its own.
 
     root: name of the store. Returns and raises what ``execute`` does.
     """
     place = place_of(words.options, Path("results") / f"{settings.study}-{settings.fingerprint()[:8]}", root)
-    return execute(settings, place, retry_failed=retry_failed, argv=argv, budget=budget)
+    return execute(settings, place, retry_failed=retry_failed, argv=argv, budget=budget, report=report)
 
 
 def execute(
@@ -72,18 +73,28 @@ def execute(
     argv: list[str] | None = None,
     kernel: str | None = None,
     budget: float | None = None,
+    report: bool = True,
 ) -> int:
     """Compute what is missing in the store of a study and write its report.
 
     Returns 0 when every cell is ok, 1 when some are marked as failed, 129, 130 or 143 when stopped by
     a signal. Raises InvalidInput when the place holds another study, StoreInUse when another run
     works on it. budget: seconds after which nothing more is begun; what is missing then stays pending, which is no
-    failure.
+    failure. report: whether tables, figures and page are written.
     """
     # One thread here as in every worker: the order of summation, and so the last digit, stays the same.
     with place.held() as still_held, threadpool_limits(1):
         _prepare(settings, place, argv or [])
-        return carry_on(settings, place, still_held, retry_failed=retry_failed, argv=argv, kernel=kernel, budget=budget)
+        return carry_on(
+            settings,
+            place,
+            still_held,
+            retry_failed=retry_failed,
+            argv=argv,
+            kernel=kernel,
+            budget=budget,
+            report=report,
+        )
 
 
 def carry_on(
@@ -95,6 +106,7 @@ def carry_on(
     argv: list[str] | None = None,
     kernel: str | None = None,
     budget: float | None = None,
+    report: bool = True,
 ) -> int:
     """Compute what is missing in a store that is there and belongs to the settings, and whose place is held.
 
@@ -105,7 +117,7 @@ def carry_on(
         journal.write("start", argv=argv or [], pid=os.getpid(), host=socket.gethostname())
         counts = _compute(settings, place, still_held, journal, retry_failed, kernel, budget)
         still_held()
-        written = _finish(place, journal, counts)
+        written = _finish(place, journal, counts, report)
     except Stopped as stop:
         again = command(kind_of(place).verb, *argv) if argv else "the same command"
         # Where its terminal was closed nobody reads what a run says.
@@ -279,14 +291,16 @@ def _mark_damaged(place: Place) -> None:
         )
 
 
-def _finish(place: Place, journal: Journal, counts: Counter[str]) -> list[Path]:
-    """Write the report of a store whose cells have these statuses; return what was written."""
+def _finish(place: Place, journal: Journal, counts: Counter[str], report: bool) -> list[Path]:
+    """Write the report of a store whose cells have these statuses, if it is wanted; return what was written."""
     metadata.update(place, complete=not counts["pending"])
     try:
-        written = kind_of(place).report(place)
+        written = kind_of(place).report(place) if report else []
     except InvalidInput:
         _mark_damaged(place)
         raise
+    if not report:
+        note(f"no tables, figures and page were asked for; write them with: {command('report', place.option)}")
     journal.write("end", counts={name: counts[name] for name in STATUS if counts[name]})
     return written
 

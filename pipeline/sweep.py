@@ -21,5 +21,5 @@ def run(words: list[str]) -> int:
     grid = settings.grid
     fewest = int(grid.mode_count.points()[0])
     remark_idle(settings.effects, at_rest="static" in grid.modal_parameters, modes=fewest, count="grid.mode_count")
-    retry = options.retry_failed == "true"
-    return execute_words(settings, sorted_words, words, root=LOBES, retry_failed=retry)
+    wanted = {"retry_failed": options.retry_failed == "true", "report": options.report == "true"}
+    return execute_words(settings, sorted_words, words, root=LOBES, **wanted)

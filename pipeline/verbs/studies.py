@@ -15,6 +15,7 @@ VARY = "vary."
 #: What begins a word that makes a key of a design follow from others.
 FORMULA = "formula."
 RETRY = "cells that failed are computed again"
+REPORT = "false: no tables, figures and page are written; the verb report writes them at any time"
 
 
 class SweepOptions(BaseOptions, PlaceOptions):
@@ -34,6 +35,7 @@ class SweepOptions(BaseOptions, PlaceOptions):
     groups: ClassVar[tuple[str, ...]] = (*MACHINE, "grid", "method", "cluster", "study")
 
     retry_failed: Truth = Field(default="false", description=RETRY)
+    report: Truth = Field(default="true", description=REPORT)
 
 
 class DatasetOptions(EffectOptions, PlaceOptions):
@@ -53,6 +55,7 @@ class DatasetOptions(EffectOptions, PlaceOptions):
     groups: ClassVar[tuple[str, ...]] = (*MACHINE, "design", "method", "cluster", "study")
 
     retry_failed: Truth = Field(default="false", description=RETRY)
+    report: Truth = Field(default="true", description=REPORT)
     budget_hours: float | None = Field(
         default=None, gt=0, le=10_000, description="time after which nothing more is begun; the same command goes on"
     )

@@ -46,7 +46,7 @@ def test_the_example_acts_at_a_point(capsys):
 
 @pytest.mark.parametrize("cluster", ["serial", "local"])
 def test_the_example_goes_through_a_sweep(tmp_path: Path, cluster: str):
-    words = [*(word for word in WORDS if word != "cluster=serial"), *ON, f"cluster={cluster}"]
+    words = [*(word for word in WORDS if word != "cluster=serial"), *ON, f"cluster={cluster}", "report=false"]
     words += ["cluster.workers=1"] if cluster == "local" else []
     output = tmp_path / "study"
     assert main(["sweep", *words, f"output={output}"]) == 0
@@ -55,7 +55,7 @@ def test_the_example_goes_through_a_sweep(tmp_path: Path, cluster: str):
     assert list(attributes["settings"]["own_effects"]) == ["loosening_clamp"]
     assert str(EXAMPLE) not in json.dumps(attributes["settings"])
     plain = tmp_path / "plain"
-    assert main(["sweep", *WORDS, "cluster=serial", f"output={plain}"]) == 0
+    assert main(["sweep", *WORDS, "cluster=serial", "report=false", f"output={plain}"]) == 0
     one, other = (zarr.open_group(path / "lobes.zarr", mode="r")["spectral_radius"][...] for path in (output, plain))
     assert not np.array_equal(one, other, equal_nan=True)
 
@@ -63,7 +63,7 @@ def test_the_example_goes_through_a_sweep(tmp_path: Path, cluster: str):
 def test_a_changed_file_is_another_study(tmp_path: Path, capsys):
     folder = tmp_path / "effects"
     folder.mkdir()
-    words = [*WORDS, "cluster=serial", f"output={tmp_path / 'study'}", "effects=[loosening_clamp]"]
+    words = [*WORDS, "cluster=serial", "report=false", f"output={tmp_path / 'study'}", "effects=[loosening_clamp]"]
     assert main(["sweep", *words, f"effects_path={copy_of_the_example(folder)}"]) == 0
     moved = tmp_path / "moved"
     folder.rename(moved)

@@ -25,11 +25,10 @@ GRID = ("grid.spindle_speed_rpm={start: 2000, stop: 24000, count: 45}", "grid.ax
 def evidence(tmp_path_factory: pytest.TempPathFactory) -> findings.Evidence:
     lobes, output = {}, tmp_path_factory.mktemp("paper")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pipeline.report.write", lambda output: [])
         patch.setattr(paper, "TIMED", {"a quick method": MethodSettings(name="collocation", tolerance=1e-1)})
         for name in paper.STUDIES:
             settings = compose_settings(sort_words([f"study=paper_{name}", "cluster=serial", *GRID], ()))
-            assert execution.execute(settings, Folder(output / name)) == 0
+            assert execution.execute(settings, Folder(output / name), report=False) == 0
             with store.open_lobes(Folder(output / name)) as opened:
                 lobes[name] = opened.load()
         together = compose_settings(sort_words(["study=paper_together", *GRID], ()))

@@ -48,15 +48,16 @@ def study(*words: str) -> Settings:
     return compose_settings(words_for(SweepOptions, [*kept, *words]))
 
 
-def sweep(output: Path, *words: str, kernel: str = "plain", retry_failed: bool = False) -> int:
-    """Run the small study in this process."""
-    return execute(study(*words), Folder(output), retry_failed=retry_failed, kernel=f"tests.pipeline.standins:{kernel}")
+def sweep(output: Path, *words: str, kernel: str = "plain", retry_failed: bool = False, report: bool = False) -> int:
+    """Run the small study in this process; its report would take longer than everything else."""
+    kernel = f"tests.pipeline.standins:{kernel}"
+    return execute(study(*words), Folder(output), retry_failed=retry_failed, kernel=kernel, report=report)
 
 
-def run(words: list[str], kernel: str = "plain") -> int:
+def run(words: list[str], kernel: str = "plain", *, report: bool = False) -> int:
     """Run the small study in this process where words of a command line say."""
     place = place_of(words_for(SweepOptions, words).options)
-    return execute(study(*words), place, argv=words, kernel=f"tests.pipeline.standins:{kernel}")
+    return execute(study(*words), place, argv=words, kernel=f"tests.pipeline.standins:{kernel}", report=report)
 
 
 def sweep_process(
@@ -72,10 +73,7 @@ def sweep_process(
         "    import sys\n"
         "    from pipeline import sweep\n"
         "    from pipeline.__main__ import main\n"
-        "    from pipeline.kinds import Lobes\n"
         "    from tests.pipeline.studies import run\n"
-        # Tables and figures take longer than everything else, and so does what draws them to import.
-        "    Lobes.report = lambda self, place: []\n"
         f"    sweep.run = lambda words: run(words, kernel='{kernel}')\n"
         "    sys.exit(main(['sweep', *sys.argv[1:]]))\n"
     )

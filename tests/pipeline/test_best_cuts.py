@@ -128,10 +128,10 @@ def test_a_line_without_any_result_has_no_best_cut():
 def test_margins_are_kept_with_a_study_changed_without_computing_and_told_on_its_page(tmp_path, monkeypatch):
     # Pictures take longer than everything else.
     monkeypatch.setattr("pipeline.figures.write", lambda *_: [])
-    assert sweep(tmp_path / "study", kernel="lobes_of_a_ramp") == 0
+    assert sweep(tmp_path / "study", kernel="lobes_of_a_ramp", report=True) == 0
     place = Folder(tmp_path / "study")
     computed = list(place.written("lobes.zarr/status"))
-    assert sweep(tmp_path / "study", "margins.depth_percent=25", kernel="lobes_of_a_ramp") == 0
+    assert sweep(tmp_path / "study", "margins.depth_percent=25", kernel="lobes_of_a_ramp", report=True) == 0
     page = place.output / "report.html"
     assert "25 % below the boundary at all speeds within 2 %" in page.read_text()
     assert list(place.written("lobes.zarr/status")) == computed

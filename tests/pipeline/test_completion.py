@@ -17,12 +17,6 @@ from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED
 from tests.pipeline.studies import CELLS, CHUNKS, journal, lobes, sweep
 
 
-@pytest.fixture(autouse=True)
-def without_report(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave out tables and figures, which take longer than everything else."""
-    monkeypatch.setattr("pipeline.report.write", lambda output: [])
-
-
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     """The small study, computed in one process."""

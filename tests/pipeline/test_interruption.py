@@ -32,12 +32,6 @@ def finished_chunks(output: Path) -> list[Chunk]:
 
 
 @pytest.fixture(autouse=True)
-def without_report(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave out tables and figures, which take longer than everything else."""
-    monkeypatch.setattr("pipeline.report.write", lambda output: [])
-
-
-@pytest.fixture(autouse=True)
 def hears_signals() -> Iterator[None]:
     """Hear what a program hears that is started by hand: under ``nohup``, or behind ``&``, tests would not."""
     before = {number: signal.signal(number, signal.SIG_DFL) for number in SIGNALS if not heard(number)}

@@ -26,18 +26,11 @@ PLAIN = "tests.pipeline.standins:plain"
 OTHER = "grid.spindle_speed_rpm={start: 5000, stop: 7000, count: 4}"
 
 
-@pytest.fixture(autouse=True)
-def _without_report(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipeline.report.write", lambda place: [])
-
-
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Folder:
     """The small study, computed."""
     output = tmp_path_factory.mktemp("made") / "study"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pipeline.report.write", lambda place: [])
-        assert sweep(output) == 0
+    assert sweep(output) == 0
     return Folder(output)
 
 

@@ -24,7 +24,9 @@ FEW, MANY = CHUNKS, 10 * CHUNKS
 
 
 def study(output: Path, chunks: int, kernel: str = "plain") -> int:
-    return sweep(output, f"grid.spindle_speed_rpm={{start: 8000, stop: 13000, count: {chunks // 2}}}", kernel=kernel)
+    return sweep(
+        output, f"grid.spindle_speed_rpm={{start: 8000, stop: 13000, count: {chunks // 2}}}", kernel=kernel, report=True
+    )
 
 
 @pytest.fixture

@@ -17,12 +17,6 @@ from pipeline.places import LOCK, Folder
 from tests.pipeline.studies import CELLS, CHUNKS, sweep
 
 
-@pytest.fixture(autouse=True)
-def without_report(monkeypatch):
-    """Leave out tables and figures, which take longer than everything else."""
-    monkeypatch.setattr("pipeline.report.write", lambda output: [])
-
-
 def files(folder):
     """Files of the status chunks, in the order of the chunks."""
     return sorted((folder / "lobes.zarr" / "status").glob("c.*"))

@@ -18,7 +18,7 @@ LARGEST_PAGE = 5_000_000
 def study(tmp_path_factory):
     """A small study whose numbers are known, with its page."""
     output = tmp_path_factory.mktemp("study")
-    assert sweep(output, "grid.modal_parameters=[dynamic, static]", kernel="lobes_of_a_ramp") == 0
+    assert sweep(output, "grid.modal_parameters=[dynamic, static]", kernel="lobes_of_a_ramp", report=True) == 0
     return output
 
 

@@ -6,6 +6,7 @@ import pytest
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import CELL_STATUS, STATUS, STRUCTURE, SWEEP
 from pipeline import store
+from pipeline.__main__ import main
 from pipeline.places import Folder
 from pipeline.sweep import run
 from tests.pipeline.studies import CHUNKS, journal, sweep
@@ -20,12 +21,6 @@ def assert_same(one, other):
     assert one.keys() == other.keys()
     for name in one:
         np.testing.assert_array_equal(one[name], other[name], err_msg=name)
-
-
-@pytest.fixture
-def without_report(monkeypatch):
-    """Leave out tables and figures, which take longer than everything else."""
-    monkeypatch.setattr("pipeline.report.write", lambda output: [])
 
 
 @pytest.fixture(scope="module")
@@ -72,18 +67,18 @@ def test_report_tables_and_figures_are_written(smoke):
 
 @pytest.mark.parametrize("cluster", ["threads", "local"])
 def test_the_same_store_wherever_it_is_computed(smoke, tmp_path, cluster):
-    assert run(["study=smoke", f"cluster={cluster}", "cluster.workers=2", f"output={tmp_path}"]) == 0
+    assert run(["study=smoke", f"cluster={cluster}", "cluster.workers=2", "report=false", f"output={tmp_path}"]) == 0
     assert_same(arrays(smoke), arrays(tmp_path))
 
 
-def test_chunking_changes_no_number(without_report, tmp_path):
+def test_chunking_changes_no_number(tmp_path):
     sweep(tmp_path / "one")
     sweep(tmp_path / "two", "cluster.cells_per_task=12")
     assert_same(arrays(tmp_path / "one"), arrays(tmp_path / "two"))
 
 
 def test_chunking_changes_the_physics_by_rounding_alone(smoke, tmp_path):
-    words = ["study=smoke", "cluster=serial", "cluster.cells_per_task=24", f"output={tmp_path}"]
+    words = ["study=smoke", "cluster=serial", "cluster.cells_per_task=24", "report=false", f"output={tmp_path}"]
     assert run(words) == 0
     one, two = arrays(smoke), arrays(tmp_path)
     # The Krylov space starts from vectors of another length; it is left at a residual of 1e-9.
@@ -93,7 +88,7 @@ def test_chunking_changes_the_physics_by_rounding_alone(smoke, tmp_path):
 
 def test_an_adaptive_study_has_the_same_boundary_and_counts_as_complete(smoke, tmp_path):
     output = tmp_path / "adaptive"
-    assert run(["study=smoke", "cluster=serial", "grid.cells=adaptive", f"output={output}"]) == 0
+    assert run(["study=smoke", "cluster=serial", "grid.cells=adaptive", "report=false", f"output={output}"]) == 0
     with store.open_lobes(Folder(smoke)) as dense, store.open_lobes(Folder(output)) as sparse:
         assert np.array_equal(dense["spectral_radius"].values > 1.0, sparse["spectral_radius"].values > 1.0)
         # Roots to 5e-7 m each.
@@ -101,7 +96,7 @@ def test_an_adaptive_study_has_the_same_boundary_and_counts_as_complete(smoke, t
         assert set(np.unique(sparse["status"])) == {STATUS["ok"], STATUS["interpolated"]}
 
 
-def test_resuming_computes_only_what_is_missing(without_report, tmp_path):
+def test_resuming_computes_only_what_is_missing(tmp_path):
     sweep(tmp_path)
     whole = arrays(tmp_path)
     chunk = store.chunks(store.open_group(Folder(tmp_path)))[3]
@@ -115,7 +110,7 @@ def test_resuming_computes_only_what_is_missing(without_report, tmp_path):
     assert_same(whole, arrays(tmp_path))
 
 
-def test_retry_failed_computes_just_those(without_report, tmp_path):
+def test_retry_failed_computes_just_those(tmp_path):
     assert sweep(tmp_path, kernel="broken") == 1
     assert sweep(tmp_path) == 1  # nothing is missing, so nothing is computed
     (tmp_path / "journal.jsonl").unlink()
@@ -124,7 +119,7 @@ def test_retry_failed_computes_just_those(without_report, tmp_path):
     assert done == {(0, 1, 0, 0, 2), (0, 1, 1, 0, 2)}
 
 
-def test_a_store_of_other_settings_is_refused_with_the_keys(without_report, tmp_path):
+def test_a_store_of_other_settings_is_refused_with_the_keys(tmp_path):
     sweep(tmp_path)
     before = arrays(tmp_path)
     with pytest.raises(InvalidInput, match=r"differ in: machine\.process\.radial_immersion, machine\.tool\.teeth"):
@@ -132,7 +127,7 @@ def test_a_store_of_other_settings_is_refused_with_the_keys(without_report, tmp_
     assert_same(before, arrays(tmp_path))
 
 
-def test_a_number_may_be_written_with_a_point_or_without(without_report, tmp_path):
+def test_a_number_may_be_written_with_a_point_or_without(tmp_path):
     effect = "effects=[thermal_preload]"
     assert sweep(tmp_path, effect, "effects.thermal_preload.rise=1") == 0
     assert sweep(tmp_path, effect, "effects.thermal_preload.rise=1.0") == 0
@@ -148,12 +143,22 @@ def test_a_folder_with_other_files_is_refused(tmp_path):
     assert (tmp_path / "thesis.tex").read_text() == "years of work"
 
 
+def test_a_report_that_was_not_asked_for_is_written_later(tmp_path, capsys):
+    words = ["study=smoke", "cluster=serial", "grid.axial_depth_mm=[1, 2]", f"output={tmp_path}"]
+    assert main(["sweep", *words, "report=false"]) == 0
+    assert f"report output={tmp_path}" in capsys.readouterr().err
+    made = {"figures", "report.html", "tables"}
+    assert not made & {file.name for file in tmp_path.iterdir()}
+    assert main(["report", f"output={tmp_path}"]) == 0
+    assert made <= {file.name for file in tmp_path.iterdir()}
+
+
 def test_a_study_with_failed_points_has_its_report_and_says_so(tmp_path):
-    assert sweep(tmp_path, kernel="broken") == 1
+    assert sweep(tmp_path, kernel="broken", report=True) == 1
     assert "have no result" in (tmp_path / "report.html").read_text()
 
 
-def test_a_flipped_bit_is_seen_on_reading(without_report, tmp_path):
+def test_a_flipped_bit_is_seen_on_reading(tmp_path):
     sweep(tmp_path)
     file = tmp_path / "lobes.zarr" / "spectral_radius" / "c.0.0.0.0.0"
     data = bytearray(file.read_bytes())

@@ -35,12 +35,10 @@ if __name__ == "__main__":
     from pathlib import Path
     from pipeline import execution, sweep
     from pipeline.__main__ import main
-    from pipeline.kinds import Lobes
     from pipeline.places import Folder
     from tests.pipeline.studies import study
-    Lobes.report = lambda self, place: []
-    kernel = "tests.soak.kernel:logged"
-    sweep.run = lambda words: execution.execute(study(*words[1:]), Folder(Path(words[0])), kernel=kernel)
+    how = {"kernel": "tests.soak.kernel:logged", "report": False}
+    sweep.run = lambda words: execution.execute(study(*words[1:]), Folder(Path(words[0])), **how)
     sys.exit(main(["sweep", *sys.argv[1:]]))
 """
 

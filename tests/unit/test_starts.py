@@ -40,14 +40,12 @@ def judged(new: Candidate, speeds, true):
     ("new", "speeds", "true"),
     [
         (PITCH, SLOW, {"variation": 0.07}),
-        (PITCH, SLOW, {"variation": 0.2}),
         (FEWER, MIDDLE, {"variation": 0.2}),
         (ACROSS, FAST, {"compliance_um_n": 0.03, "natural_frequency_hz": 960.0, "damping_ratio": 0.015}),
         (ALONG, FAST, {"compliance_um_n": 0.1, "natural_frequency_hz": 900.0, "damping_ratio": 0.03}),
     ],
     ids=[
         "little pitch",
-        "much pitch",
         "much pitch of few waves",
         "a weak mode",
         "a soft mode",
