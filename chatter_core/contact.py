@@ -77,8 +77,6 @@ def forced_contact(
     passed = np.array([np.cumsum(np.roll(teeth.pitch, -tooth)) for tooth in range(count)])
     longer = np.array([teeth.radius[tooth] - np.roll(teeth.radius, -tooth - 1) for tooth in range(count)])
     ahead = 2.0 * math.pi / count * np.concatenate([[0.0], np.cumsum(teeth.pitch)[:-1]])
-    speed = np.empty(len(system.state_matrix))
-    speed[system_index] = cut.spindle_speed
     motion, found = np.zeros((len(lag), 2, count * SAMPLES * FINER)), np.zeros(len(lag), dtype=np.bool_)
     half = system.half_spectrum
     modes = Modes(half.poles, half.seen, half.driven)
@@ -93,7 +91,7 @@ def forced_contact(
         end, motions, arrived = np.zeros_like(begin), motion[points], found[points]
         _meet(
             modes,
-            2.0 * math.pi / speed,
+            2.0 * math.pi / cut.spindle_speed[points],
             system_index[points],
             lag[points],
             cut.axial_depth[points] / slices,
@@ -182,9 +180,8 @@ def _meet(  # type: ignore[no-untyped-def]
             offset[e] = ahead[e // slices] - lags[p] * (e % slices + 0.5) / slices
         cut = Cut(offset, entry, leave, passed, longer, feed, depths[p] * tangentials[p], depths[p] * radials[p])
         own = Modes(modes.poles[system[p]], modes.seen[system[p]], modes.driven[system[p]])
-        revolution = revolutions[system[p]]
-        force, found[p] = repeating_force(cut, own, revolution, len(ahead) * SAMPLES)
-        move(steps_of(own, revolution, motions.shape[2]), force, motions[p])
+        force, found[p] = repeating_force(cut, own, revolutions[p], len(ahead) * SAMPLES)
+        move(steps_of(own, revolutions[p], motions.shape[2]), force, motions[p])
         found[p] = found[p] and np.isfinite(motions[p]).all()
         for e in range(edges):
             _follow(cut, motions[p], e, begin[p, e], end[p, e])
