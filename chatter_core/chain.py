@@ -33,8 +33,7 @@ class Structure:
 
     spindle_speed: (speed,) [rad/s]; bearing: state of one bearing over speed, None for a machine
     of measured tip modes; modes: as the tip feels them; cut_modes: those that act in the cut; solved:
-    (speed,) False where the bearing has no equilibrium, and every value there is NaN; systems: of the cut at every
-    speed, where ``with_systems`` has found them.
+    (speed,) False where the bearing has no equilibrium, and every value there is NaN.
     """
 
     spindle_speed: Array
@@ -42,7 +41,6 @@ class Structure:
     modes: tip.TipModes
     cut_modes: tip.TipModes
     solved: NDArray[np.bool_]
-    systems: floquet.LinearSystem | None = None
 
     def at(self, speeds: NDArray[np.intp]) -> "Structure":
         """Return the structure at some of the speeds."""
@@ -203,20 +201,6 @@ def _followed(
     return modes.taken(followed), confidence
 
 
-def with_systems(model: Machine | Stages, structure: Structure) -> Structure:
-    """Return a structure with the linear systems of the cut at all its speeds, which many questions share then.
-
-    The same structure where it is not solved at all speeds. Raises as the stages' ``linear_system`` does.
-
-    See docs/physics.md#delay-equation.
-    """
-    stages = stages_of(model)
-    if not structure.solved.all():
-        return structure
-    with stages.blaming():
-        return replace(structure, systems=stages.linear_system(structure.cut_modes, structure.spindle_speed))
-
-
 def milling_equation(
     model: Machine | Stages, structure: Structure, speed_index: NDArray[np.intp], axial_depth: Array
 ) -> floquet.DelayEquation:
@@ -235,7 +219,8 @@ def milling_equation(
         coefficients=stages.force_coefficients(machine, speed),
         passages=stages.passages,
     )
-    system, system_index = _systems(stages, structure, speed_index)
+    used, system_index = np.unique(speed_index, return_inverse=True)
+    system = stages.linear_system(structure.cut_modes.at(used), structure.spindle_speed[used])
     gain, known = _as_moved(stages, gain, system, system_index)
     cut = stages.regeneration(gain)
     return floquet.DelayEquation(
@@ -247,16 +232,6 @@ def milling_equation(
         breakpoints=cut.breakpoints,
         known=known,
     )
-
-
-def _systems(
-    stages: Stages, structure: Structure, speed_index: NDArray[np.intp]
-) -> tuple[floquet.LinearSystem, NDArray[np.intp]]:
-    """Return linear systems, and which is that of each point (point,)."""
-    if structure.systems is not None:
-        return structure.systems, speed_index
-    used, system_index = np.unique(speed_index, return_inverse=True)
-    return stages.linear_system(structure.cut_modes.at(used), structure.spindle_speed[used]), system_index
 
 
 def _as_moved(

@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import FAILED, STATUS
 from pipeline import metadata, store, survey
+from pipeline.answer_folder import PAGE
 from pipeline.cluster import open_client, pages
 from pipeline.configuration import Words
 from pipeline.dispatch import dispatched
@@ -300,7 +301,8 @@ def _finish(place: Place, journal: Journal, counts: Counter[str], report: bool) 
         _mark_damaged(place)
         raise
     if not report:
-        note(f"no tables, figures and page were asked for; write them with: {command('report', place.option)}")
+        before = "; those that are there are of before" if (place.output / PAGE).exists() else ""
+        note(f"no tables, figures and page were asked for{before}; write them with: {command('report', place.option)}")
     journal.write("end", counts={name: counts[name] for name in STATUS if counts[name]})
     return written
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_core.chain import Structure, with_systems
+from chatter_core.chain import Structure
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.columns import NO_WORD
 from chatter_core.evidence.margin import (
@@ -132,7 +132,7 @@ def note_lines(
     crossing = known.crossing[setup.points]
     if np.isnan(known.slope[setup.points][np.isfinite(crossing)]).any():
         place = np.log(cuts.axial_depth[setup.points])
-        growth = _growth(stages, with_systems(stages, built), method)
+        growth = _growth(stages, built, method)
         lines = crossing_lines(growth, setup.speed_index, place, crossing)
         known.slope[setup.points], known.left[setup.points] = lines
 
@@ -158,7 +158,6 @@ def predict_cuts(
 
     See docs/physics.md#margin.
     """
-    built = with_systems(stages, built)
     depth, growth = cuts.axial_depth[setup.points], _growth(stages, built, method)
     if near is None:
         margin, crossing = margins(growth, setup.speed_index, np.log(depth), cuts.reach[setup.points])

@@ -256,7 +256,8 @@ def refit(hypothesis: Hypothesis, start: Fit) -> Hypothesis:
 def refit_from(hypothesis: Hypothesis, start: Array) -> Hypothesis:
     """Fit a hypothesis again from values (parameter,); the better one is returned.
 
-    Where the climb is stuck at an edge it ends: going on beyond took a third of the time, and seldom led higher.
+    Where the climb is stuck at an edge it ends, as for profiles: of three that went on beyond with teeth that run out
+    none led higher, and that took a third of their time.
 
     See docs/physics.md#diagnosis.
     """

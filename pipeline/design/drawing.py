@@ -162,7 +162,7 @@ def _own_number(base: Description, key: str, level: Level) -> float:
 
 def _saltelli(design: Design) -> Array:
     """Return the blocks from which first-order and total indices of Sobol follow (N (key + 2), key)."""
-    # Half a second, of which every process of every run would have its part.
+    # It takes scipy's statistics along: half a second, in every process of every run.
     from SALib.sample import sobol as saltelli
 
     size = len(design.machine.vary)

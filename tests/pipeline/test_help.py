@@ -94,7 +94,8 @@ def test_help_and_completion_load_nothing_that_computes(words):
 def test_what_no_process_has_a_use_for_at_its_start_is_not_loaded():
     # Half a second each, of every process of every run.
     script = (
-        "import sys, json, pipeline.sweep; of_a_sweep = sorted(sys.modules); import pipeline.improve; "
+        "import sys, json, pipeline.sweep, pipeline.dataset, pipeline.task; of_a_sweep = sorted(sys.modules); "
+        "import pipeline.improve; "
         "print(json.dumps([of_a_sweep, sorted(sys.modules)]))"
     )
     ended = subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=True, capture_output=True, text=True)

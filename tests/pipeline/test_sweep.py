@@ -151,6 +151,9 @@ def test_a_report_that_was_not_asked_for_is_written_later(tmp_path, capsys):
     assert not made & {file.name for file in tmp_path.iterdir()}
     assert main(["report", f"output={tmp_path}"]) == 0
     assert made <= {file.name for file in tmp_path.iterdir()}
+    capsys.readouterr()
+    assert main(["sweep", *words, "report=false"]) == 0
+    assert "those that are there are of before" in capsys.readouterr().err
 
 
 def test_a_study_with_failed_points_has_its_report_and_says_so(tmp_path):

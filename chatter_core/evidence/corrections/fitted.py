@@ -111,7 +111,7 @@ def _promise(stayed: Maximum, fit: Fit) -> float:
 def _climbed(comparison: Comparison, own: Array, free: NDArray[np.bool_]) -> Fit:
     """Return the fit from a start (parameter,): by what is smooth, then by everything."""
     first = Climb(comparison.smooth or comparison, free).approach(own, START_GAIN)
-    found = maximise(comparison, [own, first.values], free, 1, LEFT_GAIN)
+    found = maximise(comparison, [own, first.values], free, 1, LEFT_GAIN, leaps=False)
     return result(comparison, found, first.evaluations, height(comparison, own))
 
 
