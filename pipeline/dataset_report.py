@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from pipeline import csv_files, dataset_card, dataset_figures, page, store, survey
+from pipeline.answer_folder import PAGE
 from pipeline.by_value import FEW
 from pipeline.dataset_plots import dataset_plots
 from pipeline.dataset_tables import (
@@ -57,7 +58,7 @@ def write(place: Place, **margins: float) -> list[Path]:
     tables = csv_files.write({"samples": samples, **({} if told.empty else {"sensitivity": told})}, output / "tables")
     pictures = dataset_figures.write(data, told, text, output / "figures")
     card = dataset_card.write(data, counts, output)
-    html = output / "report.html"
+    html = output / PAGE
     _page(html, place.opening, data, counts, samples, (told, text), tables)
     return [card, *tables, *pictures, html]
 

@@ -295,12 +295,14 @@ def _mark_damaged(place: Place) -> None:
 def _finish(place: Place, journal: Journal, counts: Counter[str], report: bool) -> list[Path]:
     """Write the report of a store whose cells have these statuses, if it is wanted; return what was written."""
     metadata.update(place, complete=not counts["pending"])
-    try:
-        written = kind_of(place).report(place) if report else []
-    except InvalidInput:
-        _mark_damaged(place)
-        raise
-    if not report:
+    written = list[Path]()
+    if report:
+        try:
+            written = kind_of(place).report(place)
+        except InvalidInput:
+            _mark_damaged(place)
+            raise
+    else:
         before = "; those that are there are of before" if (place.output / PAGE).exists() else ""
         note(f"no tables, figures and page were asked for{before}; write them with: {command('report', place.option)}")
     journal.write("end", counts={name: counts[name] for name in STATUS if counts[name]})

@@ -12,6 +12,7 @@ import xarray as xr
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS, WITH_RESULT
 from pipeline import figures, page, store, survey, tables
+from pipeline.answer_folder import PAGE
 from pipeline.best_cuts import best_cuts
 from pipeline.chunks import Chunks
 from pipeline.kinds import kind_of
@@ -84,7 +85,7 @@ def write(place: Place, **margins: float) -> list[Path]:
     preload = _shown_preload(lobes)
     output = place.make_output()
     written = [*tables.write(lobes, output / "tables"), *figures.write(lobes, output / "figures", preload)]
-    html = output / "report.html"
+    html = output / PAGE
     warnings = [*_left_out(lobes, step), *_warnings(counts, lobes)]
     csv = [path for path in written if path.suffix == ".csv"]
     _page(html, place.opening, lobes, preload, counts.total(), warnings, csv)

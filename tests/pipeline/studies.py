@@ -54,10 +54,10 @@ def sweep(output: Path, *words: str, kernel: str = "plain", retry_failed: bool =
     return execute(study(*words), Folder(output), retry_failed=retry_failed, kernel=kernel, report=report)
 
 
-def run(words: list[str], kernel: str = "plain", *, report: bool = False) -> int:
-    """Run the small study in this process where words of a command line say."""
+def run(words: list[str], kernel: str = "plain") -> int:
+    """Run the small study in this process where words of a command line say, without its report."""
     place = place_of(words_for(SweepOptions, words).options)
-    return execute(study(*words), place, argv=words, kernel=f"tests.pipeline.standins:{kernel}", report=report)
+    return execute(study(*words), place, argv=words, kernel=f"tests.pipeline.standins:{kernel}", report=False)
 
 
 def sweep_process(
