@@ -24,7 +24,7 @@ from pipeline.keys import put
 from pipeline.settings import Settings, Study
 from pipeline.shipped import CONFIGS, EFFECTS, groups
 from pipeline.telling import command
-from pipeline.verbs.options import Options
+from pipeline.verbs.options import Options, no_address
 
 Composed = TypeVar("Composed", bound=Study)
 
@@ -98,6 +98,7 @@ def sort_words(
         elif key in options:
             found[key] = value
         elif key == "machine" and (value.endswith((".yaml", ".yml")) or "/" in value):
+            problems += no_address(key, value)
             machine_file = Path(value)
         elif key in known:
             if value in known[key]:

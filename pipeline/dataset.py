@@ -14,6 +14,7 @@ from pipeline.execution import execute_words
 from pipeline.idle_effects import remark_idle
 from pipeline.keys import parts_of
 from pipeline.places import DATASET
+from pipeline.verbs.options import no_address
 from pipeline.verbs.studies import FORMULA, VARY, DatasetOptions
 
 SECONDS_AN_HOUR = 3600.0
@@ -53,14 +54,17 @@ def run(words: list[str]) -> int:
 def own_words(words: list[str]) -> OwnWords:
     """Sort out the words that only this verb knows.
 
-    Raises InvalidInput for a design, or an option, that is said twice.
+    Raises InvalidInput for a design that is an address, and for what is said twice.
     """
     if problems := repeated(words):
         raise InvalidInput(problems)
     varied, words = _taken(VARY, words)
     formulas, words = _taken(FORMULA, words)
     files = [word for word in words if word.startswith("design=") and word.endswith((".yaml", ".yml"))]
-    design = Path(files[-1].removeprefix("design=")) if files else None
+    named = [file.removeprefix("design=") for file in files]
+    if problems := [problem for name in named for problem in no_address("design", name)]:
+        raise InvalidInput(problems)
+    design = Path(named[-1]) if named else None
     return OwnWords(varied, formulas, design, [word for word in words if word not in files])
 
 

@@ -8,7 +8,7 @@ from typing import Any, Literal, Self
 
 import numpy as np
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from chatter_core.effects import effect_class, effect_names
 from chatter_core.errors import InvalidInput
@@ -16,7 +16,7 @@ from chatter_core.evidence import Campaign
 from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.prediction import CampaignModel
-from chatter_core.machine import Machine
+from chatter_core.machine import Machine, no_truth_value
 from chatter_core.parameters import Parameter
 from chatter_core.reading import load_yaml, sentences, shown
 from pipeline.fitted_cuts import marks, other_marks
@@ -62,6 +62,8 @@ class FittedParameter(BaseModel):
     estimate: float = Field(description="fitted value")
     standard_deviation: float = Field(ge=0, description="its standard deviation")
 
+    _no_truth_values = field_validator("estimate", "standard_deviation", mode="before")(no_truth_value)
+
 
 class ModelFile(BaseModel):
     """Content of a model file."""
@@ -81,6 +83,8 @@ class ModelFile(BaseModel):
         default=(), description="marks of the measurements without cutting that they were fitted to"
     )
     machine: Machine = Field(description="the machine as described, that the parameters belong to")
+
+    _no_truth_values = field_validator("modes", mode="before")(no_truth_value)
 
     @model_validator(mode="after")
     def _correlation_is_one(self) -> Self:

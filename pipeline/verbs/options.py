@@ -115,9 +115,9 @@ class Options(BaseModel):
     @classmethod
     def _no_path(cls, name: str, value: str) -> list[str]:
         """Return what keeps a text from being a path: folders would be made that nobody meant."""
-        if "://" in value:
+        if found := no_address(name, value):
             instead = "; say store=ADDRESS for an object store" if name == "output" and "store" in cls.fields() else ""
-            return [f"{name}: found the address {shown(value)}, allowed: a path on this machine{instead}"]
+            return [f"{one}{instead}" for one in found]
         depth = len(Path(value).parts)
         return [f"{name}: leads through {depth} folders, allowed: at most {DEEPEST}"] if depth > DEEPEST else []
 
@@ -135,6 +135,11 @@ class Options(BaseModel):
             return cls.model_validate(dict(said))
         except ValidationError as error:
             raise InvalidInput(sentences(error, cls)) from None
+
+
+def no_address(name: str, value: str) -> list[str]:
+    """Return what is to be said of an address where a path on this machine is wanted; nothing of a path."""
+    return [f"{name}: found the address {shown(value)}, allowed: a path on this machine"] if "://" in value else []
 
 
 def _kinds(field: FieldInfo) -> list[Any]:

@@ -224,6 +224,8 @@ def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path
         (["sweep", "study=smoke", "study=reference"], ["study: found 'smoke' and 'reference', allowed: one of them"]),
         (["dataset", "design=a.yaml", "design=b.yaml"], ["design: found 'a.yaml' and 'b.yaml', allowed: one of them"]),
         (["template", "output=s3://bucket/mine"], ["output: found the address 's3://bucket/mine', allowed: a path"]),
+        (["sweep", "machine=s3://bucket/m.yaml"], ["machine: found the address 's3://bucket/m.yaml', allowed: a path"]),
+        (["dataset", "design=s3://bucket/d.yaml"], ["design: found the address 's3://bucket/d.yaml', allowed: a path"]),
         (["sweep", "output=s3://bucket/mine"], ["a path on this machine; say store=ADDRESS for an object store"]),
         (["template", "output=" + "a/" * 1000], ["output: leads through 1000 folders, allowed: at most 200"]),
         (["contrast", "first=" + "a/" * 1000, "second=b"], ["holds no lobes.zarr"]),

@@ -358,6 +358,9 @@ def test_a_model_of_another_machine_or_with_odd_content_is_refused(tmp_path, cap
     assert "they differ in process.direction" in said(lambda c: None, "r01")
     assert "parameters: 'nonsense': unknown" in said(lambda c: c["parameters"][0].update(name="nonsense"))
     assert "estimate" in said(lambda c: c["parameters"][0].update(estimate="many"))
+    # True is no 1.
+    assert "estimate: found true, a number" in said(lambda c: c["parameters"][0].update(estimate=True))
+    assert "modes: found true, a number" in said(lambda c: c.update(modes=True))
     assert "effects: found 'nonsense'" in said(lambda c: c.update(effects={"nonsense": {}}))
     assert "needed: axis" in said(lambda c: c.update(effects={"workpiece_mode": {}}))
     assert "effects.workpiece_mode.axis: found 'z'" in said(
