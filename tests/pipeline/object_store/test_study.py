@@ -58,8 +58,14 @@ def test_a_study_in_objects_is_that_in_a_folder_bit_for_bit(
 
 
 def test_the_verbs_that_look_at_a_study_find_it_by_address_and_by_folder(
-    place: Place, reference: Folder, capsys: pytest.CaptureFixture[str]
+    place: Place,
+    reference: Folder,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
+    # By its address alone, what people read of it goes into a folder beside.
+    monkeypatch.chdir(tmp_path)
     assert compute(place) == 0
     assert_same_bytes(place, reference)
     for named in (STORE, f"output={place.output}"):
