@@ -61,10 +61,10 @@ def own_words(words: list[str]) -> OwnWords:
     varied, words = _taken(VARY, words)
     formulas, words = _taken(FORMULA, words)
     files = [word for word in words if word.startswith("design=") and word.endswith((".yaml", ".yml"))]
-    named = [file.removeprefix("design=") for file in files]
-    if problems := [problem for name in named for problem in no_address("design", name)]:
+    named = files[0].removeprefix("design=") if files else ""
+    if problems := no_address("design", named):
         raise InvalidInput(problems)
-    design = Path(named[-1]) if named else None
+    design = Path(named) if named else None
     return OwnWords(varied, formulas, design, [word for word in words if word not in files])
 
 

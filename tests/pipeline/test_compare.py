@@ -307,7 +307,7 @@ def test_links_in_a_circle_where_an_answer_goes_are_no_model(tmp_path, down_mill
 def test_a_stopped_comparison_ends_in_order_and_leaves_nothing(tmp_path, number, kind):
     output, scratch = tmp_path / "out", tmp_path / "scratch"
     scratch.mkdir()
-    words = ["compare", f"campaign={CAMPAIGNS / 'r02'}", f"output={output}", f"cluster={kind}"]
+    words = ["compare", f"campaign={CAMPAIGNS / 'd01'}", f"output={output}", f"cluster={kind}"]
     process = subprocess.Popen(
         [sys.executable, "-m", "pipeline", *words, *(["cluster.workers=1"] if kind == "local" else [])],
         stdout=subprocess.PIPE,
