@@ -102,27 +102,28 @@ def machine_nuisances(machine: Machine, preloads: Sequence[float] = ()) -> tuple
     """Return the nuisances that apply to a machine: of its cut, and of its spindle or its measured modes.
 
     preloads: those [N] at which it was measured too; the factor of the preload keeps them all within their bounds.
-    A quantity that is zero has no factor and no nuisance.
+    A quantity that is zero has no factor and no nuisance, nor has one whose bounds leave it no room.
 
     See docs/physics.md#model-and-nuisances.
     """
     others = [machine.with_preload(preload) for preload in preloads] if machine.spindle is not None else []
-    return tuple(
-        Nuisance(
-            parameter=Parameter(
+    found = []
+    for row in _ROWS:
+        parts = [part for one in (machine, *others) for part in row.scales(one) if part[1]]
+        bounds = [log_bounds(*part) for part in parts]
+        lower, upper = max((low for low, _ in bounds), default=0.0), min((high for _, high in bounds), default=0.0)
+        if lower < upper:
+            parameter = Parameter(
                 name=row.name,
                 unit="ln",
                 doc=row.doc,
                 prior_width=row.width,
-                lower=max(log_bounds(part, names)[0] for part, names in parts),
-                upper=min(log_bounds(part, names)[1] for part, names in parts),
+                lower=lower,
+                upper=upper,
                 touches=row.touches,
-            ),
-            change=row.change,
-        )
-        for row in _ROWS
-        if (parts := [found for one in (machine, *others) for found in row.scales(one) if found[1]])
-    )
+            )
+            found.append(Nuisance(parameter=parameter, change=row.change))
+    return tuple(found)
 
 
 @dataclass(frozen=True, kw_only=True)

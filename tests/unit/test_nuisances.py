@@ -123,6 +123,8 @@ def test_the_factor_of_the_preload_keeps_every_measured_preload_within_its_bound
     (preload,) = (p for p in base_model(measured).parameters if p.name == "preload")
     # Allowed are 0.1 to 1e6 N; but for the clearance.
     assert (preload.lower, preload.upper) == pytest.approx((math.log(0.1 / 0.11), math.log(1e6 / 9.9e5)), abs=1e-8)
+    widest = campaign(reference_machine, trials=replace(cuts, preload=np.array([0.1, np.nan, 1e6])))
+    assert "preload" not in [p.name for p in base_model(widest).parameters]
     alone = campaign(reference_machine, trials=trials(np.array([800.0]), np.array([1e-3])))
     (own,) = (p for p in base_model(alone).parameters if p.name == "preload")
     assert own.upper == pytest.approx(math.log(1e6 / reference_machine.spindle.preload), abs=1e-8)
