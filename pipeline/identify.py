@@ -13,7 +13,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Campaign, Responses, read_campaign, read_responses
 from chatter_core.evidence.campaign import MACHINE_FILE
 from chatter_core.evidence.identified_tip import FREQUENCY_ERROR, GAIN_ERROR, IdentifiedTip, identify_tip
-from chatter_core.evidence.identify import SEARCH
+from chatter_core.evidence.identify import FEWEST_LINES, SEARCH
 from chatter_core.evidence.measured import Receptance
 from chatter_core.machine import Machine, TipMode
 from chatter_core.tip import AXES
@@ -179,9 +179,20 @@ def _of_the_reader(measured: Responses | Campaign) -> list[str]:
 
 
 def _within(options: IdentifyOptions, measured: Receptance) -> Receptance:
-    """Return the lines in the band that is asked for; one at 0 Hz says nothing of a resonance."""
+    """Return the lines in the band that is asked for; one at 0 Hz says nothing of a resonance.
+
+    Raises InvalidInput where the band leaves too few lines of a response that has enough.
+    """
     hertz = measured.frequency / si_factor("frequency_hz")
     kept = (hertz > 0.0) & (hertz >= options.lowest_frequency_hz) & (hertz <= options.highest_frequency_hz)
+    if kept.sum() < FEWEST_LINES <= len(hertz):
+        raise InvalidInput(
+            [
+                f"lowest_frequency_hz, highest_frequency_hz: found {options.lowest_frequency_hz:g} to "
+                f"{options.highest_frequency_hz:g}, which leaves {kept.sum()} of the {len(hertz)} lines of {measured} "
+                f"({hertz.min():g} to {hertz.max():g} Hz); at least {FEWEST_LINES} are needed"
+            ]
+        )
     return replace(measured, frequency=measured.frequency[kept], value=measured.value[kept])
 
 

@@ -120,6 +120,11 @@ def test_bad_rows_get_one_message_and_exit_code_two(tmp_path, capsys, change, sa
             "error: lowest_frequency_hz: found 2500, allowed: less than highest_frequency_hz, which is 900\n",
             id="no band",
         ),
+        pytest.param(
+            ["frf={frf}", "lowest_frequency_hz=9000", "highest_frequency_hz=9500"],
+            "error: lowest_frequency_hz, highest_frequency_hz: found 9000 to 9500, which leaves 0 of the",
+            id="band beside",
+        ),
         pytest.param(["frf={frf}", "machine=no.yaml"], "no.yaml: no such file", id="no machine"),
         pytest.param(["frf={frf}", "mode=2"], "mode: unknown key; did you mean modes?", id="key"),
         pytest.param(["frf=."], "error: .: is no file", id="folder"),
