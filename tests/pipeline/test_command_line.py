@@ -1,5 +1,6 @@
 """The command line: answers, exit codes, and one clear message for every bad input."""
 
+import gc
 import json
 import os
 from dataclasses import replace
@@ -37,6 +38,8 @@ def test_point_answers_bearing_and_modes_of_the_reference_machine(capsys):
     assert said["spectral_radius"] < 1.0
     assert said["limit_depths_mm"][0] > 1.0
     assert said["bifurcation"] in ("hopf", "flip", "fold")
+    # It rests only while a verb is loaded.
+    assert gc.isenabled()
 
 
 def test_point_beyond_the_limit_says_chatter(capsys):
