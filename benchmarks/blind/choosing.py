@@ -1,7 +1,7 @@
 """What other tempers, priors and thresholds would have answered, from kept diagnoses and without a fit.
 
 ``python -m benchmarks.blind.choosing FOLDER [--temper 0.3 0.5] [--nothing-missing 2 3] [--named 0.8] ...`` prints a
-grid for the calibration seeds and those of the first test, which are spent; those of the second it does not read. The
+grid for the calibration seeds and those of the first test, which are spent; those of later ones it does not read. The
 program's own rules are asked, ``rank`` and ``decide``, with other numbers in place of their constants. Pairs stand
 where the diagnosis tried some: where it did not, other numbers cannot bring one forth.
 """
