@@ -21,8 +21,9 @@ class Parameter:
 
     unit: as texts write it, "" for pure numbers, "ln" for the logarithm of a factor; null: value at which the
     model is as described; prior_mean, prior_width, lower, upper: in that unit. A half-normal prior of an
-    amplitude has its mean, its null and its lower bound in one place. source: where its law or its usual size
-    comes from, where that is not the docstring's.
+    amplitude has its mean, its null and its lower bound in one place. search_width: what strengths at which a search
+    begins are multiples of, where the prior spans more than a decade of them; the prior's width otherwise. source:
+    where its law or its usual size comes from, where that is not the docstring's.
     """
 
     name: str
@@ -34,11 +35,14 @@ class Parameter:
     lower: float = -np.inf
     upper: float = np.inf
     touches: Touches = "structure"
+    search_width: float | None = None
     source: str = ""
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.prior_width) and self.prior_width > 0.0):
             raise InvalidInput([f"parameter {self.name}: prior_width: found {self.prior_width:g}, allowed: above 0"])
+        if not (np.isfinite(self.searched_by) and self.searched_by > 0.0):
+            raise InvalidInput([f"parameter {self.name}: search_width: found {self.search_width:g}, allowed: above 0"])
         if not self.lower <= self.null <= self.upper or self.lower >= self.upper:
             raise InvalidInput(
                 [
@@ -46,3 +50,8 @@ class Parameter:
                     f"{self.lower:g} to {self.upper:g}"
                 ]
             )
+
+    @property
+    def searched_by(self) -> float:
+        """What strengths at which a search begins are multiples of, in the parameter's unit."""
+        return self.prior_width if self.search_width is None else self.search_width

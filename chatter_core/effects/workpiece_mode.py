@@ -37,7 +37,7 @@ class WorkpieceMode(Effect):
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="compliance_um_n", unit="um/N", doc="static compliance 1/k of the workpiece at the cut",
-            prior_width=0.1, lower=0.0, upper=100.0,
+            prior_width=0.5, search_width=0.1, lower=0.0, upper=100.0,
         ),
         Parameter(
             name="natural_frequency_hz", unit="Hz", doc="natural frequency of the workpiece",

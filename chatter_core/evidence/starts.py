@@ -15,8 +15,8 @@ from chatter_core.evidence.comparison import Compared, Comparison
 from chatter_core.evidence.newton import Climb, Maximum
 from chatter_core.evidence.parameters import Array, Evaluation, Parameter
 
-#: Amplitudes at which a fit is started, in widths of their priors; to both sides where they can go there. The first
-#: is looked at with every shape.
+#: Amplitudes at which a fit is started, in the widths that they are searched by; to both sides where they can go there.
+#: The first is looked at with every shape.
 AMPLITUDES = (1.0, 0.3, 0.5, 2.0, 3.0)
 #: Those that are looked at beside a model that fails no check: a strong effect more would have failed some.
 SLIGHT_AMPLITUDES = (1.0, 0.3)
@@ -30,7 +30,7 @@ SAME_SHAPE = 0.3
 #: to each other than this share are one, and so many of those that were heard most often count. The natural frequency
 #: lies beside, by some such share.
 MISSED_BY, SAME_FREQUENCY, MOST_FREQUENCIES, BESIDE = 3.0, 0.05, 3, 0.02
-#: Strengths with which values of a shape are looked at one by one, in widths of the prior: to a weak effect that is
+#: Strengths with which values of a shape are looked at one by one, in the same widths: to a weak effect that is
 #: not quite right the data do not object, and a strong one is seen by no weak one's light.
 SCANNED_AMPLITUDES = (0.3, 1.0)
 #: Of a strength that makes teeth unlike, and is looked at value by value, so many values are looked at with the motion
@@ -191,10 +191,10 @@ def _scanned(new: Candidate, comparison: Comparison, own: Array, amplitudes: Seq
     name, values = new.scan
     scanned = next((p for p in new.amplitudes if p.name == name), None)
     if scanned is not None and max(amplitudes) < max(AMPLITUDES):
-        largest = (1.0 + ROUNDING) * max(amplitudes) * scanned.prior_width
+        largest = (1.0 + ROUNDING) * max(amplitudes) * scanned.searched_by
         values = tuple(one for one in values if abs(one - scanned.null) <= largest)
     strengths = SCANNED_AMPLITUDES if scanned_widely(new, comparison) else SCANNED_AMPLITUDES[:1]
-    sizes = [{p.name: _within(p, p.null + size * p.prior_width) for p in new.amplitudes} for size in strengths]
+    sizes = [{p.name: _within(p, p.null + size * p.searched_by) for p in new.amplitudes} for size in strengths]
     found = list[Array]()
     for size, value in itertools.product(sizes, values):
         known = {**size, name: value}
@@ -244,7 +244,7 @@ def chosen(comparison: Comparison, new: Candidate, promised: Sequence[tuple[floa
     ordered = sorted(_peaks(best) if new.scan else best.values(), key=lambda one: -one[0])
     chosen = [start for promise, start in ordered[:CLIMBED] if promise >= SMALLEST_PROMISE]
     first = new.amplitudes[0]
-    place, large = names.index(first.name), 0.999 * AMPLITUDES[0] * first.prior_width
+    place, large = names.index(first.name), 0.999 * AMPLITUDES[0] * first.searched_by
     for side in (1.0, -1.0) if first.lower < first.null < first.upper else ():
         of_side = [one for one in ordered if side * (one[1][place] - first.null) >= large and one[0] >= HOPELESS]
         if of_side and not any(np.array_equal(of_side[0][1], start) for start in chosen):
@@ -323,9 +323,10 @@ def smooth_height(height: float, evaluation: Evaluation) -> float:
 def starts_at(
     comparison: Comparison, own: Array, new: Candidate, amplitudes: Sequence[float], shapes: Sequence[float]
 ) -> list[Array]:
-    """Return starts (parameter,) at strengths of a candidate, in widths of their priors, and values of its shape.
+    """Return starts (parameter,) at strengths of a candidate and values of its shape.
 
-    To both sides where its strength can go there; without shapes ``own`` has them.
+    Strengths in the widths that they are searched by, to both sides where they can go there; without shapes ``own`` has
+    them.
 
     See docs/physics.md#diagnosis.
     """
@@ -335,7 +336,7 @@ def starts_at(
     for strength, shape in itertools.product(strengths, shapes or (None,)):
         start = own.copy()
         for parameter in new.amplitudes:
-            start[place[parameter.name]] = _within(parameter, parameter.null + strength * parameter.prior_width)
+            start[place[parameter.name]] = _within(parameter, parameter.null + strength * parameter.searched_by)
         if displacing is not None and shape is not None:
             start[place[displacing.name]] = _within(displacing, shape)
         # An amplitude that cannot go to one side stays at its null there, and so does the model.
