@@ -161,12 +161,14 @@ def _end_with_parent() -> None:
     # Not through sys.stdin, whose lock a thread that waits would still hold when the interpreter ends.
     while os.read(0, 1):
         pass
+    os.write(2, b"standard input has ended, as it does with whoever started this: no answer is written\n")
     os._exit(1)
 
 
 def main() -> None:
     """Diagnose the campaign that the command line names."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.blind.program", description=__doc__)
+    ends = "It ends when its standard input does, as it does with whoever started it."
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.blind.program", description=__doc__, epilog=ends)
     parser.add_argument("campaign", type=Path)
     parser.add_argument("answer", type=Path, help="file to write")
     parser.add_argument("--frozen", action="store_true", help="nuisances of the machine stay as described")
