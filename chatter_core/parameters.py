@@ -55,3 +55,9 @@ class Parameter:
     def searched_by(self) -> float:
         """What strengths at which a search begins are multiples of, in the parameter's unit."""
         return self.prior_width if self.search_width is None else self.search_width
+
+    def aside(self, widths: float) -> float:
+        """Return the value so many prior widths from the null: above it, or below where it cannot go up."""
+        upwards = self.upper > self.null
+        moved = self.null + (widths if upwards else -widths) * self.prior_width
+        return min(moved, self.upper) if upwards else max(moved, self.lower)

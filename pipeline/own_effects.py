@@ -27,8 +27,8 @@ def check_own(comparison: Comparison, candidates: Sequence[Candidate]) -> None:
     before, problems = strict.compare(strict.model.nulls).prediction if own else None, []
     for one, file in own:
         assert before is not None
-        tried, raised = extended(strict, [one]), {p.name: p.null + p.prior_width for p in one.amplitudes}
-        values = [min(raised.get(p.name, p.null), p.upper) for p in tried.parameters]
+        tried, raised = extended(strict, [one]), {p.name: p.aside(1.0) for p in one.amplitudes}
+        values = [raised.get(p.name, p.null) for p in tried.parameters]
         lost = tried.compare(np.array(values)).prediction.failed - before.failed
         if lost > MOST_LOST * before.asked:
             sizes = ", ".join(f"{name} {value:g}" for name, value in raised.items())

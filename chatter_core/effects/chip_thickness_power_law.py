@@ -79,9 +79,10 @@ def _add_slopes(edges, feed, longer, exponent, gain):  # type: ignore[no-untyped
 class ChipThicknessPowerLaw(Effect):
     """F = b K h_ref (h/h_ref)^x for both forces, h_ref = 0.1 mm, about the nominal chip h_0(theta) of feed and runout.
 
-    x below one: thin chips take more energy for their size, and the slope x (h_0/h_ref)^(x - 1) grows without bound
-    as h_0 vanishes, where a tooth enters or leaves. No edge is that sharp: h_0 counts as sqrt(h_0^2 + (3 um)^2),
-    a third of an edge radius of 10 um, below which it rubs. Valid for vibration small beside the chip.
+    Thin chips take more energy for their size, never less: x is Kienzle's 1 - m, at most one. The slope
+    x (h_0/h_ref)^(x - 1) grows without bound as h_0 vanishes, where a tooth enters or leaves. No edge is that sharp:
+    h_0 counts as sqrt(h_0^2 + (3 um)^2), a third of an edge radius of 10 um, below which it rubs. Valid for vibration
+    small beside the chip.
 
     Source: O. Kienzle, VDI-Z 94 (1952) 299-305 (x = 1 - m); G. Stepan, R. Szalai, T. Insperger in Nonlinear Dynamics
     of Production Systems (2004) (linearised about the nominal chip).
@@ -94,7 +95,7 @@ class ChipThicknessPowerLaw(Effect):
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="exponent", unit="", doc="exponent x of the chip thickness in the force",
-            null=1.0, prior_mean=1.0, prior_width=0.25, lower=0.3, upper=1.5, touches="cut",
+            null=1.0, prior_mean=1.0, prior_width=0.25, lower=0.3, upper=1.0, touches="cut",
         ),
     )  # fmt: skip
 

@@ -40,8 +40,7 @@ def power(base: Hypothesis, candidate: Candidate, slope: Array) -> Power:
     before, strong = base.fit.evaluation, carried(comparison, base.fit)
     names = [parameter.name for parameter in comparison.parameters]
     for parameter in candidate.amplitudes:
-        raised = min(parameter.null + USUAL * parameter.prior_width, parameter.upper)
-        strong[names.index(parameter.name)] = raised
+        strong[names.index(parameter.name)] = parameter.aside(USUAL)
     moved = comparison.evaluate(strong).coordinates - before.coordinates
     assert isinstance(before.state, Compared)
     parts = before.state.coordinates_of

@@ -48,7 +48,7 @@ def left(at_bound):
 
 @pytest.mark.parametrize(("at_bound", "counts"), [(False, ["outcome", "kn"]), (True, ["outcome", "kn", "own"])])
 def test_the_size_of_an_effect_counts_only_at_its_bound(at_bound, counts):
-    assert left(at_bound) == [name.replace("own", "radial_immersion_error.error") for name in counts]
+    assert left(at_bound) == [name.replace("own", "radial_immersion_error.offset") for name in counts]
 
 
 def told_of(base, best=None):

@@ -109,7 +109,7 @@ def test_other_cuts_stay_within_what_a_cut_can_be():
 def test_a_cut_with_another_width_is_planned_so(base):
     model = base.comparison.model
     assert isinstance(model, CampaignModel)
-    thin = at(base, "radial_immersion_error", error=0.2)
+    thin = at(base, "radial_immersion_error", offset=0.1)
     wide, narrow = (next_trial(base, thin, radial_immersion=width) for width in (0.75, 0.25))
     assert (wide.spindle_speed, wide.axial_depth) != (narrow.spindle_speed, narrow.axial_depth)
 
