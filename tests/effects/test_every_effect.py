@@ -114,7 +114,7 @@ def test_the_smallest_step_from_the_null_is_small(name: str, reference_machine: 
     values = null_values(effect)
     for index, parameter in enumerate(effect.declared):
         if parameter.name not in effect.shapes:
-            values[index] += 1e-6 * parameter.prior_width
+            values[index] = parameter.aside(1e-6)
     found = results(at(effect, values).apply(Stages(machine=reference_machine)), name)
     # A millionth of a width moves no multiplier by more than some ten thousandth of itself.
     assert np.abs(found["cut"][0]) == pytest.approx(np.abs(base["cut"][0]), rel=1e-4)

@@ -37,6 +37,7 @@ def candidate(name, number=0):
 
 
 PROCESS_DAMPING = candidate("process_damping")
+POWER_LAW = candidate("chip_thickness_power_law")
 ASYMMETRY, IN_Y = candidate("directional_asymmetry"), candidate("directional_asymmetry", 1)
 
 
@@ -117,6 +118,14 @@ def test_power_tells_what_would_be_seen_from_what_would_not(damped):
     quick = replace(fast, trials=replace(fast.trials, spindle_speed=20.0 * fast.trials.spindle_speed))
     fast_base = base_of(quick)
     assert power(fast_base, PROCESS_DAMPING, slope_of(fast_base)).nats < ENOUGH
+
+
+def test_what_can_only_go_down_leaves_something_too():
+    """A chip's exponent has its null at its upper bound: of usual size it is as far below."""
+    base = base_of(judged(0.0))
+    (exponent,) = POWER_LAW.amplitudes
+    assert exponent.null == exponent.upper
+    assert power(base, POWER_LAW, slope_of(base)).nats > 0.0
 
 
 def test_terms_act_in_the_order_of_the_chain_whoever_names_them_first():
