@@ -21,9 +21,10 @@ class Parameter:
 
     unit: as texts write it, "" for pure numbers, "ln" for the logarithm of a factor; null: value at which the
     model is as described; prior_mean, prior_width, lower, upper: in that unit. A half-normal prior of an
-    amplitude has its mean, its null and its lower bound in one place. search_width: what strengths at which a search
-    begins are multiples of, where the prior spans more than a decade of them; the prior's width otherwise. source:
-    where its law or its usual size comes from, where that is not the docstring's.
+    amplitude has its mean, its null and a bound in one place, mostly the lower one. search_width: what strengths at
+    which a search begins are multiples of, and by how much a stated one may be off, where the prior spans more than a
+    decade; the prior's width otherwise. source: where its law or its usual size comes from, where that is not the
+    docstring's.
     """
 
     name: str
@@ -53,11 +54,10 @@ class Parameter:
 
     @property
     def searched_by(self) -> float:
-        """What strengths at which a search begins are multiples of, in the parameter's unit."""
+        """What strengths at which a search begins are multiples of, and a stated one may be off by, in its unit."""
         return self.prior_width if self.search_width is None else self.search_width
 
     def aside(self, widths: float) -> float:
-        """Return the value so many prior widths from the null: above it, or below where it cannot go up."""
-        upwards = self.upper > self.null
-        moved = self.null + (widths if upwards else -widths) * self.prior_width
-        return min(moved, self.upper) if upwards else max(moved, self.lower)
+        """Return the value so many prior widths above the null, below where it cannot go up; within the bounds."""
+        moved = self.null + (widths if self.upper > self.null else -widths) * self.prior_width
+        return min(max(moved, self.lower), self.upper)

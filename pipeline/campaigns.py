@@ -233,7 +233,7 @@ def _content_of(options: CampaignOptions, settings: Settings) -> model_file.Cont
 
 
 def _as_configured(settings: Settings) -> Belief:
-    """Return the configured sizes of effects, as surely as their priors have it."""
+    """Return the configured sizes of effects, as surely as one states them."""
     configured, own = settings.effects, settings.effects_path
     if not configured:
         return PRIORS
@@ -241,7 +241,7 @@ def _as_configured(settings: Settings) -> Belief:
     return Belief(
         names=tuple(f"{name}.{parameter.name}" for name, parameter in pairs),
         estimate=np.array([float(configured[name][parameter.name]) for name, parameter in pairs]),
-        deviation=np.array([parameter.prior_width for _, parameter in pairs]),
+        deviation=np.array([parameter.searched_by for _, parameter in pairs]),
         correlation=np.eye(len(pairs)),
     )
 

@@ -23,7 +23,7 @@ def main() -> None:
     candidates = {one.name: one for one in candidates_of(base.model, Content())}
     for added in ([], *([candidates[name]] for name in EFFECTS)):
         comparison = extended(base, added)
-        strong = {p.name: p.null + 0.3 * p.prior_width for one in added for p in one.amplitudes}
+        strong = {p.name: p.aside(0.3) for one in added for p in one.amplitudes}
         values = np.array([strong.get(p.name, p.null) for p in comparison.parameters])
         near = comparison.evaluate(values)
         comparison.evaluate(values + 1e-3 * np.array([p.touches == "cut" for p in comparison.parameters]), near)

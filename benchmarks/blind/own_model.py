@@ -77,7 +77,7 @@ def _drawn(planned: Plan, example: Campaign, rng: np.random.Generator) -> Drawn 
     model = base_model(example, effects)
     truth = drawn_truth(model, rng)
     for effect, strength in zip(chosen, planned.strengths, strict=True):
-        _set_strength(truth, model.parameters, effect, strength, rng)
+        set_strength(truth, model.parameters, effect, strength, rng)
     back = _kept_back(example, rng)
     parameters = model.named(truth)
     try:
@@ -107,7 +107,7 @@ def _acts(effect: Effect, machine: Machine) -> bool:
     return True
 
 
-def _set_strength(
+def set_strength(
     values: Array, parameters: tuple[Parameter, ...], effect: Effect, strength: float, rng: np.random.Generator
 ) -> None:
     """Set the amplitudes of an effect among values (parameter,); to either side where they can go there."""
@@ -116,9 +116,8 @@ def _set_strength(
     own = {parameter.name for parameter in effect.parameters} - shapes
     for index, parameter in enumerate(parameters):
         if parameter.name in own:
-            side = rng.choice([-1.0, 1.0]) if parameter.lower < parameter.null else 1.0
-            value = parameter.null + side * size * parameter.prior_width
-            values[index] = np.clip(value, parameter.lower, parameter.upper)
+            side = rng.choice([-1.0, 1.0]) if parameter.lower < parameter.null < parameter.upper else 1.0
+            values[index] = parameter.aside(side * size)
 
 
 def _kept_back(example: Campaign, rng: np.random.Generator) -> Campaign:

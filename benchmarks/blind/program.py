@@ -161,7 +161,8 @@ def _end_with_parent() -> None:
     # Not through sys.stdin, whose lock a thread that waits would still hold when the interpreter ends.
     while os.read(0, 1):
         pass
-    os.write(2, b"standard input has ended, as it does with whoever started this: no answer is written\n")
+    with contextlib.suppress(OSError):  # nobody may be left to read it
+        os.write(2, b"standard input has ended, as it does with whoever started this: no answer is written\n")
     os._exit(1)
 
 

@@ -37,7 +37,9 @@ def true_amplitudes(truth: Truth, settings: dict[str, Any]) -> dict[str, float]:
     if name == "variable_pitch" and len(hidden["pitch_errors_deg"]) == 2:
         return {"variation": _variation(hidden["pitch_errors_deg"])}
     if name == "radial_immersion_error" and "immersion_offset" in hidden:
-        return {"offset": hidden["immersion_offset"]}
+        offset = hidden["immersion_offset"]
+        # Kept answers of earlier programs have it over the nominal immersion.
+        return {"offset": offset, "error": offset / machine["process"]["radial_immersion"]}
     if name == "workpiece_mode":
         return _workpiece(hidden["foreign_modes"][0], settings)
     if name == "holder_joint" and settings.get("joint") == JOINTS[hidden.get("joint_border", 0)]:

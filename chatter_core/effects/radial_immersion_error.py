@@ -31,7 +31,7 @@ class RadialImmersionError(Effect):
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="offset", unit="", doc="what the radial depth is off by, over the tool's diameter",
-            prior_width=0.05, lower=-0.25, upper=0.25, touches="cut",
+            prior_width=0.05, lower=-0.5, upper=0.5, touches="cut",
         ),
     )  # fmt: skip
 

@@ -17,7 +17,7 @@ from chatter_core.evidence.starts import AMPLITUDES, CLIMBED, shapes_of, starts_
 #: A model has bent where a parameter of the machine lies farther than this from what is described [widths of its
 #: prior].
 BENT = 2.5
-#: Strengths from which all data are climbed at once, without a look, in widths of their priors.
+#: Strengths from which all data are climbed at once, without a look, in the widths that they are searched by.
 UNSEEN_AMPLITUDES = (0.3, 1.0)
 
 

@@ -223,7 +223,8 @@ def test_shared_amplitudes_are_those_of_the_hidden_law():
     # Pitches of 180 + 9 and 180 - 9 degrees.
     pitch = truth("variable_pitch", pitch_errors_deg=[0.0, 9.0])
     assert true_amplitudes(pitch, {"pattern": "linear"}) == pytest.approx({"variation": 0.1})
-    assert true_amplitudes(truth("radial_immersion_error", immersion_offset=-0.1), {}) == {"offset": -0.1}
+    offset = truth("radial_immersion_error", immersion_offset=-0.1)
+    assert true_amplitudes(offset, {}) == pytest.approx({"offset": -0.1, "error": -0.2})
     assert true_amplitudes(truth("radial_immersion_error", immersion_per_depth_1_m=9.0), {}) == {}
     mode = {"axis": 1, "frequency_hz": 500.0, "damping_ratio": 0.01, "mass_kg": 1.0}
     found = true_amplitudes(truth("workpiece_mode", foreign_modes=[mode]), {"axis": "y"})

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from benchmarks.blind.kept import ROOT
+from benchmarks.blind.own_model import set_strength
 from benchmarks.blind.program import Tally, model_of, predicted_outcomes
 from benchmarks.blind.tables import read_rows
+from chatter_core.effects import variants
 
 CAMPAIGN = ROOT / "tests" / "data" / "campaigns" / "d01"
 
@@ -55,3 +57,17 @@ def test_kept_back_cuts_are_told_in_their_order_and_without_their_labels(few):
     denied = [{**row, "outcome": "marginal", "chatter_frequency_hz": ""} for row in cuts]
     assert predicted_outcomes(few, denied, None) == told
     assert predicted_outcomes(few, cuts[::-1], None) == told[::-1]
+
+
+@pytest.mark.parametrize("name", ["chip_thickness_power_law", "workpiece_mode", "cutting_speed_coefficient"])
+def test_what_the_own_model_hides_is_never_at_its_null(name):
+    """Down alone, up alone, or to both sides: where it can go there."""
+    effect, rng = variants(name)[0], np.random.default_rng(1)
+    sides = set()
+    for strength in np.linspace(0.0, 1.0, 20):
+        values = np.array([p.null for p in effect.parameters])
+        set_strength(values, effect.parameters, effect, strength, rng)
+        sides.add(np.sign(values[0] - effect.parameters[0].null))
+        assert effect.parameters[0].lower <= values[0] <= effect.parameters[0].upper
+    expected = {"chip_thickness_power_law": {-1.0}, "workpiece_mode": {1.0}, "cutting_speed_coefficient": {-1.0, 1.0}}
+    assert sides == expected[name]
