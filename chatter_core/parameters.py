@@ -59,5 +59,12 @@ class Parameter:
 
     def aside(self, widths: float) -> float:
         """Return the value so many prior widths above the null, below where it cannot go up; within the bounds."""
-        moved = self.null + (widths if self.upper > self.null else -widths) * self.prior_width
+        return self._aside(widths * self.prior_width)
+
+    def searched_at(self, strength: float) -> float:
+        """Return the value at a strength, in the widths that it is searched by, to the side that ``aside`` goes to."""
+        return self._aside(strength * self.searched_by)
+
+    def _aside(self, distance: float) -> float:
+        moved = self.null + (distance if self.upper > self.null else -distance)
         return min(max(moved, self.lower), self.upper)

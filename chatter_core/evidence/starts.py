@@ -194,7 +194,7 @@ def _scanned(new: Candidate, comparison: Comparison, own: Array, amplitudes: Seq
         largest = (1.0 + ROUNDING) * max(amplitudes) * scanned.searched_by
         values = tuple(one for one in values if abs(one - scanned.null) <= largest)
     strengths = SCANNED_AMPLITUDES if scanned_widely(new, comparison) else SCANNED_AMPLITUDES[:1]
-    sizes = [{p.name: _within(p, p.null + size * p.searched_by) for p in new.amplitudes} for size in strengths]
+    sizes = [{p.name: p.searched_at(size) for p in new.amplitudes} for size in strengths]
     found = list[Array]()
     for size, value in itertools.product(sizes, values):
         known = {**size, name: value}
@@ -336,7 +336,7 @@ def starts_at(
     for strength, shape in itertools.product(strengths, shapes or (None,)):
         start = own.copy()
         for parameter in new.amplitudes:
-            start[place[parameter.name]] = _within(parameter, parameter.null + strength * parameter.searched_by)
+            start[place[parameter.name]] = parameter.searched_at(strength)
         if displacing is not None and shape is not None:
             start[place[displacing.name]] = _within(displacing, shape)
         # An amplitude that cannot go to one side stays at its null there, and so does the model.

@@ -21,6 +21,8 @@ def test_a_step_aside_goes_up_or_down_where_it_cannot(own, expected):
 def test_a_search_begins_at_multiples_of_its_own_width_or_the_priors():
     assert declared().searched_by == 2.0
     assert declared(search_width=0.5).searched_by == 0.5
+    assert declared(search_width=0.5).searched_at(-3.0) == -1.5
+    assert declared(search_width=0.5, upper=0.0).searched_at(3.0) == -1.5
 
 
 @pytest.mark.parametrize("key", ["prior_width", "search_width"])
