@@ -85,7 +85,8 @@ def command_line() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.blind", description=__doc__.splitlines()[0])
     parser.add_argument("seeds", choices=tuple(SEEDS))
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--count", type=int, default=len(TEST_SEEDS), help="how many seeds, from the first")
+    parser.add_argument("--skip", type=int, default=0, help="how many of the first seeds are left out")
+    parser.add_argument("--count", type=int, default=len(TEST_SEEDS), help="how many seeds are taken after those")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="diagnoses at once")
     parser.add_argument("--limit", type=float, default=LIMIT_S, help="seconds after which a diagnosis has failed")
     parser.add_argument("--ablations", nargs="*", choices=[*list(ABLATIONS)[1:], "own_model"], default=None)
@@ -102,7 +103,7 @@ def main() -> int:
     root = arguments.folder
     # Ends in order what was started, as Ctrl-C does.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    every = SEEDS[arguments.seeds][: arguments.count]
+    every = SEEDS[arguments.seeds][arguments.skip :][: arguments.count]
     try:
         failed = make_all(root, every, arguments.workers)
         seeds = [seed for seed in every if is_sealed(*folders(root, seed))]

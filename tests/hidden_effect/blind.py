@@ -55,10 +55,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.hidden_effect.blind", description=__doc__.splitlines()[0])
     parser.add_argument("seeds", choices=tuple(SEEDS))
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--count", type=int, default=len(TEST_SEEDS), help="how many seeds, from the first")
+    parser.add_argument("--skip", type=int, default=0, help="how many of the first seeds are left out")
+    parser.add_argument("--count", type=int, default=len(TEST_SEEDS), help="how many seeds are taken after those")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes at once")
     arguments = parser.parse_args()
-    seeds = SEEDS[arguments.seeds][: arguments.count]
+    seeds = SEEDS[arguments.seeds][arguments.skip :][: arguments.count]
     failed = make_all(arguments.folder, seeds, arguments.workers)
     if failed:
         print(f"failed: {', '.join(map(str, failed))}")
