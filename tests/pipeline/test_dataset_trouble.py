@@ -1,5 +1,6 @@
 """Data sets in trouble: interrupted, on a full disk, with machines that fail now and not then; in an object store."""
 
+import itertools
 import os
 import signal
 import subprocess
@@ -21,6 +22,7 @@ from pipeline.places import DATASET as STORE
 from pipeline.places import place_of
 from tests.pipeline.object_store.conftest import address, buckets, endpoint  # noqa: F401
 from tests.pipeline.object_store.server_side import BUCKET
+from tests.pipeline.standins import GATE
 from tests.pipeline.studies import PATIENCE, ROOT, ended, wait_until
 from tests.pipeline.test_dataset import SMALL, assert_same, standin, values
 from tests.pipeline.test_disk_full import ENOUGH, disk  # noqa: F401
@@ -29,11 +31,15 @@ from tests.pipeline.test_disk_full import ENOUGH, disk  # noqa: F401
 WORDS = (*SMALL, "design.machines=20", "cluster.cells_per_task=6")
 #: Variable of the environment that makes machines fail.
 FAILING = "STANDIN_FAILS"
+#: Machines that the gated stand-in has seen in this process, and how many it computes before it waits.
+MACHINES, AT_ONCE = itertools.count(), 3
 
 
-def slow(cuts: Any, **cells: Any) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Take a tenth of a second for each machine."""
-    time.sleep(0.1)
+def gated(cuts: Any, **cells: Any) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Wait, after the first machines, until the file is there that the environment names."""
+    if next(MACHINES) >= AT_ONCE:
+        while not os.path.exists(os.environ[GATE]):
+            time.sleep(0.02)
     return standin(cuts, **cells)
 
 
@@ -67,17 +73,19 @@ def test_an_interrupted_data_set_goes_on_to_the_same_numbers(tmp_path, reference
         "import sys\n"
         "from pipeline.__main__ import main\n"
         "from pipeline.kinds import Dataset\n"
-        "Dataset.kernel = 'tests.pipeline.test_dataset_trouble:slow'\n"
+        "Dataset.kernel = 'tests.pipeline.test_dataset_trouble:gated'\n"
         "sys.exit(main(['dataset', *sys.argv[1:]]))\n"
     )
     words = [*WORDS, f"output={tmp_path / 'data'}"]
     command = [sys.executable, "-c", script, *words]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    gate = tmp_path / "gate"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), GATE: str(gate)}
     with ended(subprocess.Popen(command, env=environment, start_new_session=True, **pipes)) as process:
         journal = tmp_path / "data" / "journal.jsonl"
         wait_until(lambda: journal.exists() and journal.read_text().count('"chunk"') >= 2, process)
         process.send_signal(signal.SIGINT)
+        gate.touch()
         _, told = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
     assert "stopped; nothing is lost. Go on with: python -m pipeline dataset" in told
