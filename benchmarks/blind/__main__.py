@@ -23,9 +23,8 @@ from benchmarks.blind.opening import truth_folder
 from benchmarks.blind.running import run_all
 from pipeline.cluster import open_client
 from pipeline.settings import Cluster
-from tests.hidden_effect.blind import folders, make_all
+from tests.hidden_effect.blind import add_seeds, folders, make_all, seeds_of
 from tests.hidden_effect.campaign import is_sealed
-from tests.hidden_effect.design import SEEDS, TEST_SEEDS
 
 #: Campaigns of an ablation: so many of those that it concerns, evenly through the seeds.
 ABLATED = 24
@@ -83,10 +82,8 @@ def diagnose_missing(work: Work, arguments: argparse.Namespace) -> None:
 def command_line() -> argparse.Namespace:
     """Return what the command line says."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.blind", description=__doc__.splitlines()[0])
-    parser.add_argument("seeds", choices=tuple(SEEDS))
+    add_seeds(parser)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--skip", type=int, default=0, help="how many of the first seeds are left out")
-    parser.add_argument("--count", type=int, default=len(TEST_SEEDS), help="how many seeds are taken after those")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="diagnoses at once")
     parser.add_argument("--limit", type=float, default=LIMIT_S, help="seconds after which a diagnosis has failed")
     parser.add_argument("--ablations", nargs="*", choices=[*list(ABLATIONS)[1:], "own_model"], default=None)
@@ -103,7 +100,7 @@ def main() -> int:
     root = arguments.folder
     # Ends in order what was started, as Ctrl-C does.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    every = SEEDS[arguments.seeds][arguments.skip :][: arguments.count]
+    every = seeds_of(arguments)
     try:
         failed = make_all(root, every, arguments.workers)
         seeds = [seed for seed in every if is_sealed(*folders(root, seed))]

@@ -48,19 +48,30 @@ def make_all(root: Path, seeds: range, workers: int) -> list[int]:
     return sorted(failed)
 
 
-def main() -> int:
-    """Read the command line and make the campaigns; return 1 when some failed."""
+def add_seeds(parser: argparse.ArgumentParser) -> None:
+    """Let a command line say which seeds, as ``seeds_of`` reads it."""
     from tests.hidden_effect.design import SEEDS, TEST_SEEDS
 
-    parser = argparse.ArgumentParser(prog="python -m tests.hidden_effect.blind", description=__doc__.splitlines()[0])
     parser.add_argument("seeds", choices=tuple(SEEDS))
-    parser.add_argument("folder", type=Path)
     parser.add_argument("--skip", type=int, default=0, help="how many of the first seeds are left out")
     parser.add_argument("--count", type=int, default=len(TEST_SEEDS), help="how many seeds are taken after those")
+
+
+def seeds_of(arguments: argparse.Namespace) -> range:
+    """Return the seeds that a command line has said."""
+    from tests.hidden_effect.design import SEEDS
+
+    return SEEDS[arguments.seeds][arguments.skip :][: arguments.count]
+
+
+def main() -> int:
+    """Read the command line and make the campaigns; return 1 when some failed."""
+    parser = argparse.ArgumentParser(prog="python -m tests.hidden_effect.blind", description=__doc__.splitlines()[0])
+    add_seeds(parser)
+    parser.add_argument("folder", type=Path)
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes at once")
     arguments = parser.parse_args()
-    seeds = SEEDS[arguments.seeds][arguments.skip :][: arguments.count]
-    failed = make_all(arguments.folder, seeds, arguments.workers)
+    failed = make_all(arguments.folder, seeds_of(arguments), arguments.workers)
     if failed:
         print(f"failed: {', '.join(map(str, failed))}")
     return 1 if failed else 0

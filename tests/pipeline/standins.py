@@ -99,9 +99,14 @@ def one_threaded(model: Any, **cells: Any) -> LobeBlock:
 def gated(model: Any, **cells: Any) -> LobeBlock:
     """Wait at one preload until the file is there that the environment names."""
     if stages_of(model).machine.spindle.preload == BAD_PRELOAD:
-        while not os.path.exists(os.environ[GATE]):
-            time.sleep(0.02)
+        wait_at_gate()
     return plain(model, **cells)
+
+
+def wait_at_gate() -> None:
+    """Wait until the file is there that the environment names."""
+    while not os.path.exists(os.environ[GATE]):
+        time.sleep(0.02)
 
 
 def lobes_of_a_ramp(model: Any, *, spindle_speed: Any, mode_count: int, **cells: Any) -> LobeBlock:

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from pipeline.places import DATASET as STORE
 from pipeline.places import place_of
 from tests.pipeline.object_store.conftest import address, buckets, endpoint  # noqa: F401
 from tests.pipeline.object_store.server_side import BUCKET
-from tests.pipeline.standins import GATE
+from tests.pipeline.standins import GATE, wait_at_gate
 from tests.pipeline.studies import PATIENCE, ROOT, ended, wait_until
 from tests.pipeline.test_dataset import SMALL, assert_same, standin, values
 from tests.pipeline.test_disk_full import ENOUGH, disk  # noqa: F401
@@ -38,8 +37,7 @@ MACHINES, AT_ONCE = itertools.count(), 3
 def gated(cuts: Any, **cells: Any) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Wait, after the first machines, until the file is there that the environment names."""
     if next(MACHINES) >= AT_ONCE:
-        while not os.path.exists(os.environ[GATE]):
-            time.sleep(0.02)
+        wait_at_gate()
     return standin(cuts, **cells)
 
 
