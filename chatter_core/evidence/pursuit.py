@@ -38,17 +38,18 @@ class Ground:
     """A fitted hypothesis from which further effects are looked for.
 
     slope: as ``slope_of`` has it; smooth_gain: what a climb by its smooth data alone still gains in those, and
-    whole_gain what all data have gained where it ends, mostly a loss [nats]; misheard: whether chatter frequencies,
-    which alone say where its modes lie, are missed; bent: whether it may imitate an effect; height_at_rest: to which it
-    can climb by what was measured without cutting alone [nats], None where it has not bent.
+    whole_gain what all data have gained where it ends, mostly a loss [nats]; bent: whether it may imitate an effect;
+    unsure: whether nothing was measured that would say where its modes lie but cuts, and it has bent or misses chatter
+    frequencies; height_at_rest: to which it can climb by what was measured without cutting alone [nats], None where it
+    has not bent.
     """
 
     hypothesis: Hypothesis
     slope: Array
     smooth_gain: float
     whole_gain: float
-    misheard: bool
     bent: bool
+    unsure: bool
     height_at_rest: float | None
 
 
@@ -66,8 +67,8 @@ def ground(hypothesis: Hypothesis) -> Ground:
         slope=slope,
         smooth_gain=end.log_posterior - smooth_height(fit.log_posterior, fit.evaluation),
         whole_gain=climb.posterior(end.values)[0] - fit.log_posterior,
-        misheard=comparison.structural is None and missed_frequencies(comparison, fit.evaluation).size > 0,
         bent=bent,
+        unsure=comparison.structural is None and (bent or missed_frequencies(comparison, fit.evaluation).size > 0),
         height_at_rest=_height_at_rest(hypothesis) if bent else None,
     )
 
@@ -177,12 +178,15 @@ def pursue(prospect: Prospect) -> Hypothesis:
     assert isinstance(comparison, Comparison)
     smooth, rows = _smooth(climb), smooth_rows(found.evaluation)
     still = smooth_height(found.log_posterior, found.evaluation)
-    for start in chosen(comparison, prospect.candidates[-1], prospect.starts):
+    for promise, start in chosen(comparison, prospect.candidates[-1], prospect.starts):
         ahead = smooth.approach(start, START_GAIN, known[rows], added, still)
         there = climb.place(ahead.values)
         if _leads_on(prospect, ahead, there, still):
             found = _higher(found, climb.approach_from(there, START_GAIN, known, added, found.log_posterior))
-    if prospect.nested.misheard:
+        elif promise > LEAST_GAIN:
+            # What chatter frequencies alone promise, smooth data know nothing of.
+            found = _higher(found, climb.approach(start, START_GAIN, known, added, found.log_posterior))
+    if prospect.nested.unsure:
         for start in unseen_starts(comparison, prospect.at_null.values, prospect.candidates[-1]):
             found = _higher(found, climb.approach(start, START_GAIN, None, None, found.log_posterior))
     if (reached := _reached_at_rest(prospect)) is not None:

@@ -31,8 +31,9 @@ SAME_SHAPE = 0.3
 #: lies beside, by some such share.
 MISSED_BY, SAME_FREQUENCY, MOST_FREQUENCIES, BESIDE = 3.0, 0.05, 3, 0.02
 #: Strengths with which values of a shape are looked at one by one, in the same widths: to a weak effect that is
-#: not quite right the data do not object, and a strong one is seen by no weak one's light.
-SCANNED_AMPLITUDES = (0.3, 1.0)
+#: not quite right the data do not object, and a strong one is seen by no weak one's light. Where no chatter frequency
+#: was heard it takes the one between, too.
+SCANNED_AMPLITUDES, SCANNED_IN_SILENCE = (0.3, 3.0), (0.3, 1.0, 3.0)
 #: Of a strength that makes teeth unlike, and is looked at value by value, so many values are looked at with the motion
 #: that they force, which takes several times as long as without.
 SCREENED = 6
@@ -175,7 +176,7 @@ def waves_between_teeth(campaign: Campaign) -> float:
 
 
 def scanned_widely(new: Candidate, comparison: Comparison) -> bool:
-    """Return whether what is scanned of an effect is looked at with all strengths, and beside the machine as described.
+    """Return whether what is scanned of an effect is looked at beside the machine as described, too.
 
     Strengths always are, shapes where no chatter frequency was heard.
 
@@ -193,7 +194,8 @@ def _scanned(new: Candidate, comparison: Comparison, own: Array, amplitudes: Seq
     if scanned is not None and max(amplitudes) < max(AMPLITUDES):
         largest = (1.0 + ROUNDING) * max(amplitudes) * scanned.searched_by
         values = tuple(one for one in values if abs(one - scanned.null) <= largest)
-    strengths = SCANNED_AMPLITUDES if scanned_widely(new, comparison) else SCANNED_AMPLITUDES[:1]
+    strengths = SCANNED_IN_SILENCE if is_silent(comparison) else SCANNED_AMPLITUDES
+    strengths = tuple(one for one in strengths if one <= max(amplitudes))
     sizes = [{p.name: p.searched_at(size) for p in new.amplitudes} for size in strengths]
     found = list[Array]()
     for size, value in itertools.product(sizes, values):
@@ -226,8 +228,10 @@ def _displacing(new: Candidate) -> Parameter | None:
     return next((p for p in new.term.parameters if p.name in new.shapes), None)
 
 
-def chosen(comparison: Comparison, new: Candidate, promised: Sequence[tuple[float, Array]]) -> list[Array]:
-    """Return the starts that are climbed from: those that promise most, and the best large one to each of two sides.
+def chosen(
+    comparison: Comparison, new: Candidate, promised: Sequence[tuple[float, Array]]
+) -> list[tuple[float, Array]]:
+    """Return the starts that are climbed from, and what they promise: the best, and the best large one to each side.
 
     Of those that differ in nothing that is scanned, or in nothing of the effect, the best; of what is scanned, the
     peaks: the second best of all lies beside the best, and leads nowhere else.
@@ -242,13 +246,13 @@ def chosen(comparison: Comparison, new: Candidate, promised: Sequence[tuple[floa
         key = tuple(one[1][own])
         best[key] = max(best.get(key, one), one, key=lambda found: found[0])
     ordered = sorted(_peaks(best) if new.scan else best.values(), key=lambda one: -one[0])
-    chosen = [start for promise, start in ordered[:CLIMBED] if promise >= SMALLEST_PROMISE]
+    chosen = [one for one in ordered[:CLIMBED] if one[0] >= SMALLEST_PROMISE]
     first = new.amplitudes[0]
     place, large = names.index(first.name), 0.999 * AMPLITUDES[0] * first.searched_by
     for side in (1.0, -1.0) if first.lower < first.null < first.upper else ():
         of_side = [one for one in ordered if side * (one[1][place] - first.null) >= large and one[0] >= HOPELESS]
-        if of_side and not any(np.array_equal(of_side[0][1], start) for start in chosen):
-            chosen.append(of_side[0][1])
+        if of_side and not any(np.array_equal(of_side[0][1], start) for _, start in chosen):
+            chosen.append(of_side[0])
     return chosen
 
 

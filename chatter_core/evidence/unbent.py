@@ -12,13 +12,18 @@ from chatter_core.evidence.comparison import Comparison
 from chatter_core.evidence.newton import Climb, Maximum
 from chatter_core.evidence.nuisances import Nuisance
 from chatter_core.evidence.parameters import Array
-from chatter_core.evidence.starts import AMPLITUDES, CLIMBED, shapes_of, starts_at
+from chatter_core.evidence.starts import CLIMBED, shapes_of, starts_at
 
 #: A model has bent where a parameter of the machine lies farther than this from what is described [widths of its
 #: prior].
 BENT = 2.5
 #: Strengths from which all data are climbed at once, without a look, in the widths that they are searched by.
 UNSEEN_AMPLITUDES = (0.3, 1.0)
+#: Strengths that are looked at beside the machine as described by what was measured without cutting, in the same
+#: widths: springs between the parts of machines differ by decades, and a spring that is far too soft leads astray.
+STRENGTHS_AT_REST = (0.03, 0.1, 0.3, 1.0, 3.0)
+#: Of all those so many of the best are climbed from by the sizes of responses, and of the ends the best by all.
+ROUGHLY_CLIMBED = 6
 
 
 def has_bent(hypothesis: Hypothesis) -> bool:
@@ -42,7 +47,7 @@ def moves_modes(new: Candidate) -> bool:
 def unseen_starts(comparison: Comparison, own: Array, new: Candidate) -> list[Array]:
     """Return starts (parameter,) of an effect beside what a model has come to, and beside the machine as described.
 
-    For models of which chatter frequencies alone say where modes lie. Effects that do not move modes have none.
+    For models of which cuts alone say where modes lie. Effects that do not move modes have none.
 
     See docs/physics.md#diagnosis.
     """
@@ -66,9 +71,10 @@ def at_rest(comparison: Comparison, own: Array, new: Candidate) -> Maximum | Non
         return None
     plain, free = unbent(comparison, own), np.ones(len(own), dtype=bool)
     roughly, closely = Climb(coarse, free), Climb(structural, free)
-    shapes = shapes_of(new, comparison, None)
-    starts = sorted(starts_at(comparison, plain, new, AMPLITUDES, shapes), key=lambda one: -roughly.posterior(one)[0])
-    ends = [closely.from_start(roughly.from_start(start, START_GAIN).values, START_GAIN) for start in starts[:CLIMBED]]
+    starts = starts_at(comparison, plain, new, STRENGTHS_AT_REST, shapes_of(new, comparison, None))
+    starts = sorted(starts, key=lambda start: -roughly.posterior(start)[0])[:ROUGHLY_CLIMBED]
+    rough = sorted((roughly.from_start(start, START_GAIN) for start in starts), key=lambda end: -end.log_posterior)
+    ends = [closely.from_start(end.values, START_GAIN) for end in rough[:CLIMBED]]
     return max(ends, key=lambda end: end.log_posterior, default=None)
 
 

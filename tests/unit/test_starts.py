@@ -13,7 +13,7 @@ from chatter_core.evidence.fit import free_parameters, maximise
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.pursuit import LEFT_GAIN, fit_hypothesis, ground, look, refit
 from chatter_core.evidence.starts import SCREENED, Worth, other_shapes, waves_between_teeth
-from tests.synthetic import RPM, campaign, tip_machine, trials
+from tests.synthetic import RPM, campaign, measured, tip_machine, trials
 from tests.unit.test_candidates import base_of, candidate
 
 SLOW, FAST = np.linspace(1500.0, 4000.0, 22) * RPM, np.linspace(5000.0, 16000.0, 22) * RPM
@@ -138,3 +138,18 @@ def test_waves_between_teeth_are_those_of_most_cuts_that_were_heard():
     assert waves_between_teeth(silent) == np.inf
     cuts = trials(speed, np.full(11, 1e-3), chatter_frequency=heard)
     assert waves_between_teeth(campaign(tip_machine(), trials=cuts)) == pytest.approx(10.0)
+
+
+def test_what_chatter_frequencies_alone_promise_is_climbed_to():
+    """Cuts so deep that all chatter: their labels say nothing of the width of the cut, their frequencies do."""
+    new = candidate("radial_immersion_error")
+    plan = campaign(tip_machine(), trials=trials(np.linspace(5000.0, 16000.0, 40) * RPM, np.full(40, 20e-3)))
+    model = base_model(plan, (new.term,))
+    truth = model.nulls
+    truth[[p.name for p in model.parameters].index(new.amplitudes[0].name)] = 0.1
+    base = base_of(measured(plan, truth, np.random.default_rng(3), (new.term,)))
+    found = fit_hypothesis(base.comparison, [new], ground(base))
+    ended = maximise(found.comparison, [truth], free_parameters(found.comparison, (), truth), 1, LEFT_GAIN)
+    assert found.moved
+    # A climb with one Jacobian ends where its next step promises half a nat, and the posterior is rough by one.
+    assert found.fit.log_posterior > ended.log_posterior - 2.0

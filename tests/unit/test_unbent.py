@@ -8,8 +8,10 @@ import pytest
 from chatter_core.evidence import Comparison, base_model
 from chatter_core.evidence.candidates import extended
 from chatter_core.evidence.likelihood import LINE_ERROR
-from chatter_core.evidence.pursuit import fit_hypothesis, ground
-from chatter_core.evidence.unbent import UNSEEN_AMPLITUDES, at_rest, has_bent, unseen_starts
+from chatter_core.evidence.newton import Climb
+from chatter_core.evidence.pursuit import LEFT_GAIN, fit_hypothesis, ground
+from chatter_core.evidence.unbent import BENT, UNSEEN_AMPLITUDES, at_rest, has_bent, unseen_starts
+from chatter_core.machine import Machine
 from tests.synthetic import RPM, campaign, receptance, tip_machine, trials
 from tests.unit.test_candidates import base_of, candidate
 
@@ -76,6 +78,55 @@ def test_seats_that_give_along_one_axis_are_found_however_soft(variant, loss, re
     stands = dict(zip((p.name.split(".")[-1] for p in found.fit.parameters), found.fit.estimate, strict=True))
     # Within 5 %: the deviations that the fit states are 2 %.
     assert stands["stiffness_loss"] == pytest.approx(loss, rel=0.05)
+
+
+def with_one_front_bearing(machine):
+    """Another arrangement of a machine: a stiff rear seat, and a front one of a single bearing with little preload."""
+    described = machine.described()
+    described["spindle"]["bearings"] = [{"position_mm": 124.0, "count": 1}, {"position_mm": 332.0, "count": 2}]
+    described["spindle"]["preload_n"] = 150.0
+    lengths, diameters = (56.0, 43.0, 309.0), (14.4, 42.656, 50.0)
+    steel = {"inner_diameter_mm": 0.0, "youngs_modulus_gpa": 206.0, "poisson_ratio": 0.3, "density_kg_m3": 7800.0}
+    described["spindle"]["sections"] = [
+        {"part": part, "length_mm": length, "outer_diameter_mm": diameter, **steel}
+        for part, length, diameter in zip(("tool", "holder", "shaft"), lengths, diameters, strict=True)
+    ]
+    return Machine.model_validate(described)
+
+
+@pytest.mark.parametrize(
+    ("name", "variant", "true"),
+    [
+        ("housing_compliance", 0, {"compliance_um_n": 0.00103, "rear_difference": -0.94}),
+        ("housing_compliance", 0, {"compliance_um_n": 0.0005, "rear_difference": -1.2}),
+        ("holder_joint", 1, {"lateral_compliance_um_n": 0.003, "rotational_compliance_urad_n_m": 0.7}),
+    ],
+)
+def test_what_gives_a_tenth_of_the_usual_is_found_at_rest(name, variant, true, reference_machine):
+    """The rear seat that gives where the front one does makes a second maximum, at which half of the climbs end."""
+    new = candidate(name, variant)
+    made = responses_with(with_one_front_bearing(reference_machine), new, **true)
+    comparison = extended(Comparison(model=base_model(made)), [new])
+    truth = np.array([true.get(p.name.split(".")[-1], p.null) for p in comparison.parameters])
+    found = at_rest(comparison, np.array([p.null for p in comparison.parameters]), new)
+    best = Climb(comparison.structural, np.ones(len(truth), dtype=bool)).from_start(truth, LEFT_GAIN)
+    # A climb ends where its next step promises half a nat; the other maximum lies 17 nats lower.
+    assert found.log_posterior > best.log_posterior - 1.0
+
+
+def test_cuts_alone_do_not_say_where_the_modes_of_a_bent_model_lie():
+    """Effects that move modes are climbed without a look then; with responses these say where to."""
+    cuts = trials(np.array([8000.0, 9000.0]) * RPM, np.array([1e-3, 2e-3]))
+    plan = campaign(tip_machine(), trials=cuts)
+    responses = (receptance(FREQUENCY), receptance(FREQUENCY, axis=1))
+    for made, bent, unsure in (
+        (plan, False, False),
+        (plan, True, True),
+        (replace(plan, receptances=responses), True, False),
+    ):
+        fitted = base_of(made)
+        pull = np.where([p.name == "damping" for p in fitted.fit.parameters], BENT + 0.1 if bent else 0.0, 0.0)
+        assert ground(replace(fitted, fit=replace(fitted.fit, pull=pull))).unsure is unsure
 
 
 def test_a_model_that_is_right_has_not_bent(reference_machine):
