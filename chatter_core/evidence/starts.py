@@ -195,8 +195,8 @@ def _scanned(new: Candidate, comparison: Comparison, own: Array, amplitudes: Seq
         largest = (1.0 + ROUNDING) * max(amplitudes) * scanned.searched_by
         values = tuple(one for one in values if abs(one - scanned.null) <= largest)
     strengths = SCANNED_IN_SILENCE if is_silent(comparison) else SCANNED_AMPLITUDES
-    strengths = tuple(one for one in strengths if one <= max(amplitudes))
-    sizes = [{p.name: p.searched_at(size) for p in new.amplitudes} for size in strengths]
+    allowed = [size for size in strengths if size <= max(amplitudes)]
+    sizes = [{p.name: p.searched_at(size) for p in new.amplitudes} for size in allowed]
     found = list[Array]()
     for size, value in itertools.product(sizes, values):
         known = {**size, name: value}
