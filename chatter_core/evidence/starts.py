@@ -234,10 +234,48 @@ def chosen(
     """Return the starts that are climbed from, and what they promise: the best, and the best large one to each side.
 
     Of those that differ in nothing that is scanned, or in nothing of the effect, the best; of what is scanned, the
-    peaks: the second best of all lies beside the best, and leads nowhere else.
+    peaks: the second best of all lies beside the best, and leads nowhere else. Of a scanned shape those with strengths
+    beyond the first are chosen apart: where all else follows, a strong effect in a wrong place may promise more than a
+    weak one in the right place.
 
     See docs/physics.md#diagnosis.
     """
+    parts = [_ordered(comparison, new, part) for part in _parted(comparison, new, promised)]
+    chosen = [one for part in parts for one in part[:CLIMBED] if one[0] >= SMALLEST_PROMISE]
+    ordered = sorted((one for part in parts for one in part), key=lambda one: -one[0])
+    first = new.amplitudes[0]
+    place, large = _strength(comparison, new)
+    for side in (1.0, -1.0) if first.lower < first.null < first.upper else ():
+        of_side = [
+            one for one in ordered if side * (one[1][place] - first.null) >= 0.999 * large and one[0] >= HOPELESS
+        ]
+        if of_side and not any(np.array_equal(of_side[0][1], start) for _, start in chosen):
+            chosen.append(of_side[0])
+    return chosen
+
+
+def _strength(comparison: Comparison, new: Candidate) -> tuple[int, float]:
+    """Return the place of the strength of an effect among the parameters, and the first that is looked at."""
+    first = new.amplitudes[0]
+    return [p.name for p in comparison.parameters].index(first.name), AMPLITUDES[0] * first.searched_by
+
+
+def _parted(
+    comparison: Comparison, new: Candidate, promised: Sequence[tuple[float, Array]]
+) -> list[list[tuple[float, Array]]]:
+    """Return starts that are chosen apart: of a scanned shape those stronger than the first strength, else none."""
+    place, large = _strength(comparison, new)
+    null = new.amplitudes[0].null
+    if new.scan is None or new.scan[0] == new.amplitudes[0].name:
+        return [list(promised)]
+    strong = [one for one in promised if abs(one[1][place] - null) > 1.001 * large]
+    return [[one for one in promised if abs(one[1][place] - null) <= 1.001 * large], strong]
+
+
+def _ordered(
+    comparison: Comparison, new: Candidate, promised: Sequence[tuple[float, Array]]
+) -> list[tuple[float, Array]]:
+    """Return starts that differ in what tells them apart, the best first; of what is scanned, the peaks."""
     names = [parameter.name for parameter in comparison.parameters]
     telling = [new.scan[0]] if new.scan else [parameter.name for parameter in new.term.parameters]
     own = [names.index(name) for name in telling]
@@ -245,15 +283,7 @@ def chosen(
     for one in promised:
         key = tuple(one[1][own])
         best[key] = max(best.get(key, one), one, key=lambda found: found[0])
-    ordered = sorted(_peaks(best) if new.scan else best.values(), key=lambda one: -one[0])
-    chosen = [one for one in ordered[:CLIMBED] if one[0] >= SMALLEST_PROMISE]
-    first = new.amplitudes[0]
-    place, large = names.index(first.name), 0.999 * AMPLITUDES[0] * first.searched_by
-    for side in (1.0, -1.0) if first.lower < first.null < first.upper else ():
-        of_side = [one for one in ordered if side * (one[1][place] - first.null) >= large and one[0] >= HOPELESS]
-        if of_side and not any(np.array_equal(of_side[0][1], start) for _, start in chosen):
-            chosen.append(of_side[0])
-    return chosen
+    return sorted(_peaks(best) if new.scan else best.values(), key=lambda one: -one[0])
 
 
 def _peaks(promised: dict[tuple[float, ...], tuple[float, Array]]) -> list[tuple[float, Array]]:

@@ -153,3 +153,18 @@ def test_what_chatter_frequencies_alone_promise_is_climbed_to():
     assert found.moved
     # A climb with one Jacobian ends where its next step promises half a nat, and the posterior is rough by one.
     assert found.fit.log_posterior > ended.log_posterior - 2.0
+
+
+def test_a_mode_that_is_stronger_than_any_slight_one_would_tell_is_found_where_cuts_are_slow():
+    """Cuts of 1500 to 4000 rpm object to no slight mode anywhere; of a strong one they tell where it is."""
+    speed, depth = np.meshgrid(np.linspace(1500.0, 4000.0, 16) * RPM, np.geomspace(5e-4, 8e-3, 6), indexing="ij")
+    plan = campaign(tip_machine(), trials=trials(speed.ravel(), depth.ravel()))
+    model = base_model(plan, (ALONG.term,))
+    true = {"compliance_um_n": 0.3, "natural_frequency_hz": 350.0, "damping_ratio": 0.012}
+    truth = np.array([true.get(p.name.split(".")[-1], p.null) for p in model.parameters])
+    base = base_of(measured(plan, truth, np.random.default_rng(3), (ALONG.term,)))
+    found = fit_hypothesis(base.comparison, [ALONG], ground(base))
+    frequency = [p.name for p in found.fit.parameters].index("workpiece_mode.natural_frequency_hz")
+    # More than names an effect, and nearer than the next value that is looked at.
+    assert found.fit.log_posterior > base.fit.log_posterior + 9.0
+    assert found.fit.estimate[frequency] == pytest.approx(350.0, rel=0.03)
