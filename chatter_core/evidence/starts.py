@@ -268,8 +268,10 @@ def _parted(
     null = new.amplitudes[0].null
     if new.scan is None or new.scan[0] == new.amplitudes[0].name:
         return [list(promised)]
-    strong = [one for one in promised if abs(one[1][place] - null) > 1.001 * large]
-    return [[one for one in promised if abs(one[1][place] - null) <= 1.001 * large], strong]
+    slight, strong = list[tuple[float, Array]](), list[tuple[float, Array]]()
+    for one in promised:
+        (strong if abs(one[1][place] - null) > (1.0 + ROUNDING) * large else slight).append(one)
+    return [slight, strong]
 
 
 def _ordered(
