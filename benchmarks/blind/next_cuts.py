@@ -16,12 +16,11 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from benchmarks.blind import kept
 from benchmarks.blind.choosing import kept_cases
 from benchmarks.blind.judgement import Case
+from benchmarks.blind.kept_rows import keep_row, kept_rows
 from benchmarks.blind.opening import truth_folder
 from benchmarks.blind.program import planned
-from benchmarks.blind.running import spread_calls
 from benchmarks.blind.summary import markdown
 from benchmarks.blind.tables import Rows, read_rows, write_rows
 from benchmarks.blind.targets import mean_interval
@@ -39,6 +38,9 @@ from tests.hidden_effect.campaign import draw_shop
 from tests.hidden_effect.hidden import thermal_history
 from tests.hidden_effect.structure import Spindle
 from tests.hidden_effect.trial import Condition, cut_trial
+
+#: Folder of the rows that are kept, and the table's name.
+TABLE = "next_cuts"
 
 
 def rival_of(case: Case) -> str:
@@ -119,17 +121,8 @@ def _expected(hypotheses: Sequence[Hypothesis], cuts: Rows) -> list[Array]:
 def keep(root: Path, case: Case, seed: int) -> str:
     """Compute and keep the row of a seed; return it in words."""
     row = held_against(root, case)
-    kept.write(_place(root, seed), {"program": kept.program_digest(), "row": row})
+    keep_row(root, TABLE, seed, row)
     return f"asked {row['asked_nats']:+.2f}, kept back {row['kept_back_nats']:+.2f} nats"
-
-
-def _place(root: Path, seed: int) -> Path:
-    return root / "next_cuts" / f"{seed}.json"
-
-
-def _holds(root: Path, seed: int) -> bool:
-    place = _place(root, seed)
-    return place.exists() and kept.read(place)["program"] == kept.program_digest()
 
 
 def table(rows: Sequence[dict[str, Any]]) -> list[str]:
@@ -163,11 +156,8 @@ def main() -> int:
     if not cases:
         print(f"{root}: no diagnoses of calibration seeds that hide one effect are kept here")
         return 1
-    missing = [case for case in cases if not _holds(root, case.seed)]
-    if missing:
-        spread_calls(keep, [(root, case, case.seed) for case in missing], said.workers)
-    rows = [kept.read(_place(root, case.seed))["row"] for case in cases]
-    write_rows(root / "next_cuts.csv", rows)
+    rows = kept_rows(keep, [(root, case, case.seed) for case in cases], TABLE, said.workers)
+    write_rows(root / f"{TABLE}.csv", rows)
     print("\n".join(table(rows)))
     return 0
 

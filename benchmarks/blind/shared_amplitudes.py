@@ -30,18 +30,18 @@ def true_amplitudes(truth: Truth, settings: dict[str, Any]) -> dict[str, float]:
     if name == "gyroscopic_coupling":
         return {"share": hidden["gyroscopic"]}
     if name == "ring_expansion":
-        return {"growth_um": 1e6 * hidden["ring_growth"] * _free_ring(machine["bearing"])}
+        return {"growth_um": 1e6 * hidden["ring_growth"] * free_ring(machine["bearing"])}
     if name == "tool_runout":
         return {"runout_um": 2e6 * hidden["runout_m"]}
     # With more teeth the hidden pattern is another than those of the program.
     if name == "variable_pitch" and len(hidden["pitch_errors_deg"]) == 2:
-        return {"variation": _variation(hidden["pitch_errors_deg"])}
+        return {"variation": variation(hidden["pitch_errors_deg"])}
     if name == "radial_immersion_error" and "immersion_offset" in hidden:
         offset = hidden["immersion_offset"]
         # Kept answers of earlier programs have it over the nominal immersion.
         return {"offset": offset, "error": offset / machine["process"]["radial_immersion"]}
     if name == "workpiece_mode":
-        return _workpiece(hidden["foreign_modes"][0], settings)
+        return workpiece(hidden["foreign_modes"][0], settings)
     if name == "holder_joint" and settings.get("joint") == JOINTS[hidden.get("joint_border", 0)]:
         return {
             "lateral_compliance_um_n": 1e6 * hidden["joint_lateral_m_n"],
@@ -50,20 +50,21 @@ def true_amplitudes(truth: Truth, settings: dict[str, Any]) -> dict[str, float]:
     return {}
 
 
-def _free_ring(bearing: Truth) -> float:
+def free_ring(bearing: Truth) -> float:
     """Return the growth of a free inner ring at STATED_AT [m], u = rho w^2 r^3 / E."""
     radius = 0.5 * (bearing["pitch_diameter_m"] - bearing["ball_diameter_m"])
     return float(bearing["ring"]["density_kg_m3"] * STATED_AT**2 * radius**3 / bearing["ring"]["modulus_pa"])
 
 
-def _variation(errors_deg: list[float]) -> float:
+def variation(errors_deg: list[float]) -> float:
     """Return the widest pitch less the narrowest over the mean one, of teeth displaced by so much."""
     teeth = len(errors_deg)
     pitches = [360.0 / teeth + errors_deg[(tooth + 1) % teeth] - errors_deg[tooth] for tooth in range(teeth)]
     return (max(pitches) - min(pitches)) * teeth / 360.0
 
 
-def _workpiece(mode: Truth, settings: dict[str, Any]) -> dict[str, float]:
+def workpiece(mode: Truth, settings: dict[str, Any]) -> dict[str, float]:
+    """Return the parameters of a mode of the workpiece, none where settings say another axis."""
     if settings.get("axis") != AXES[mode["axis"]]:
         return {}
     stiffness = mode["mass_kg"] * (2.0 * math.pi * mode["frequency_hz"]) ** 2
