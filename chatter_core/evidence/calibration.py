@@ -1,7 +1,8 @@
 """Calibration of a model by a campaign, in three steps.
 
 Receptances are fitted first, from several starts, because they cost little and a sharp peak that is displaced has
-no gradient; then all but chatter frequencies, which jump from branch to branch; then everything.
+no gradient, and by their sizes too, which see from afar where it lies; then all but chatter frequencies, which jump
+from branch to branch; then everything.
 """
 
 from collections.abc import Sequence
@@ -18,6 +19,8 @@ from chatter_core.evidence.parameters import Array, Parameter, Problem, column
 START_WIDTHS = 2.0
 #: What only yields a start for the fit of everything may end where the next step promises this [nats].
 START_GAIN = 0.3
+#: Where sizes of responses lead it is higher if that is by more than ends of one climb differ [nats].
+HIGHER = 5.0
 
 
 def calibrate(
@@ -41,9 +44,9 @@ def calibrate(
     free = free_parameters(comparison, fixed, own)
     # Labels alone are cheap to look at from many starts too: their lobes lie elsewhere when a frequency does.
     starts, climbed, spent = [own, *_displaced(comparison.parameters, own, free)], CLIMBED_STARTS, 0
-    for part in (comparison.structural, comparison.smooth, comparison):
+    for part, sizes in ((comparison.structural, comparison.coarse), (comparison.smooth, None), (comparison, None)):
         if part is not None:
-            end, evaluations = _approached(part, starts, free, climbed)
+            end, evaluations = _approached(part, starts, free, climbed, sizes)
             # Where it jumps, data may ask for another place than those that lead there.
             starts, climbed = [own, end, *_displaced(comparison.parameters, end, free)], 2
             spent += evaluations
@@ -51,12 +54,22 @@ def calibrate(
     return result(comparison, found, spent, height(comparison, own))
 
 
-def _approached(problem: Problem, starts: Sequence[Array], free: NDArray[np.bool_], climbed: int) -> tuple[Array, int]:
-    """Return the highest place (parameter,) that approaches from the highest of some starts come to; evaluations."""
+def _approached(
+    problem: Problem, starts: Sequence[Array], free: NDArray[np.bool_], climbed: int, sizes: Problem | None
+) -> tuple[Array, int]:
+    """Return the highest place (parameter,) that approaches from the highest of some starts come to; evaluations.
+
+    sizes: a problem that sees maxima from afar, by which the first start leads to another one; None without any.
+    """
     climb = Climb(problem, free)
     order = np.argsort([climb.posterior(start)[0] for start in starts])[::-1][:climbed]
-    ends = [climb.approach(starts[index], START_GAIN) for index in order]
-    return max(ends, key=lambda end: end.log_posterior).values, climb.evaluations
+    best = max((climb.approach(starts[index], START_GAIN) for index in order), key=lambda end: end.log_posterior)
+    if sizes is None:
+        return best.values, climb.evaluations
+    rough = Climb(sizes, free).from_start(starts[0], START_GAIN)
+    beside = climb.from_start(rough.values, START_GAIN)
+    highest = beside if beside.log_posterior > best.log_posterior + HIGHER else best
+    return highest.values, climb.evaluations + rough.evaluations
 
 
 def _displaced(parameters: Sequence[Parameter], start: Array, free: NDArray[np.bool_]) -> list[Array]:

@@ -25,7 +25,7 @@ from chatter_core.evidence.starts import (
     smooth_height,
     smooth_rows,
 )
-from chatter_core.evidence.unbent import at_rest, has_bent, unbent, unseen_starts
+from chatter_core.evidence.unbent import at_rest, has_bent, height_at_rest, unbent, unseen_starts
 
 #: A climb goes on from where smooth data have led where those, or all data, gain more than this by the effect [nats].
 LEAST_GAIN = 1.0
@@ -69,15 +69,8 @@ def ground(hypothesis: Hypothesis) -> Ground:
         whole_gain=climb.posterior(end.values)[0] - fit.log_posterior,
         bent=bent,
         unsure=comparison.structural is None and (bent or missed_frequencies(comparison, fit.evaluation).size > 0),
-        height_at_rest=_height_at_rest(hypothesis) if bent else None,
+        height_at_rest=height_at_rest(hypothesis) if bent else None,
     )
-
-
-def _height_at_rest(hypothesis: Hypothesis) -> float | None:
-    structural, fit = hypothesis.comparison.structural, hypothesis.fit
-    if structural is None:
-        return None
-    return Climb(structural, ~fit.fixed).from_start(fit.estimate, START_GAIN).log_posterior
 
 
 @dataclass(frozen=True, kw_only=True)

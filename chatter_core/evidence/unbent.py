@@ -4,14 +4,17 @@ From where such a model stands neither a slope nor a look leads to what the effe
 together.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 
 from chatter_core.evidence.calibration import START_GAIN
 from chatter_core.evidence.candidates import Candidate, Hypothesis
 from chatter_core.evidence.comparison import Comparison
 from chatter_core.evidence.newton import Climb, Maximum
 from chatter_core.evidence.nuisances import Nuisance
-from chatter_core.evidence.parameters import Array
+from chatter_core.evidence.parameters import Array, column
 from chatter_core.evidence.starts import CLIMBED, shapes_of, starts_at
 
 #: A model has bent where a parameter of the machine lies farther than this from what is described [widths of its
@@ -22,8 +25,9 @@ UNSEEN_AMPLITUDES = (0.3, 1.0)
 #: Strengths that are looked at beside the machine as described by what was measured without cutting, in the same
 #: widths: springs between the parts of machines differ by decades, and a spring that is far too soft leads astray.
 STRENGTHS_AT_REST = (0.03, 0.1, 0.3, 1.0, 3.0)
-#: Of all those so many of the best are climbed from by the sizes of responses, and of the ends the best by all.
-ROUGHLY_CLIMBED = 6
+#: Of all those so many of the best are climbed from by the sizes of responses with one Jacobian, the best ends of these
+#: with a new one at each step, and then by the responses, unless they are one: nearer than this [widths of priors].
+ROUGHLY_CLIMBED, ONE_PLACE = 6, 0.3
 
 
 def has_bent(hypothesis: Hypothesis) -> bool:
@@ -47,7 +51,7 @@ def moves_modes(new: Candidate) -> bool:
 def unseen_starts(comparison: Comparison, own: Array, new: Candidate) -> list[Array]:
     """Return starts (parameter,) of an effect beside what a model has come to, and beside the machine as described.
 
-    For models of which cuts alone say where modes lie. Effects that do not move modes have none.
+    For models of which cuts alone say where modes lie: the best of several. Effects that do not move modes have none.
 
     See docs/physics.md#diagnosis.
     """
@@ -55,27 +59,60 @@ def unseen_starts(comparison: Comparison, own: Array, new: Candidate) -> list[Ar
         return []
     plain = unbent(comparison, own)
     places = [own] if np.array_equal(own, plain) else [own, plain]
-    return [start for place in places for start in starts_at(comparison, place, new, UNSEEN_AMPLITUDES, ())]
+    starts = [start for place in places for start in starts_at(comparison, place, new, UNSEEN_AMPLITUDES, ())]
+    return _highest(Climb(comparison, np.ones(len(own), dtype=bool)), starts)[:CLIMBED]
 
 
 def at_rest(comparison: Comparison, own: Array, new: Candidate) -> Maximum | None:
     """Return where an effect and the machine as described lead together, by what was measured without cutting.
 
-    By the sizes of responses first, which see from afar where a resonance lies, then by the responses themselves. None
-    for effects that do not move modes, and where nothing was measured without cutting.
+    None for effects that do not move modes, and where nothing was measured without cutting.
 
     See docs/physics.md#diagnosis.
     """
-    structural, coarse = comparison.structural, comparison.coarse
-    if structural is None or coarse is None or not moves_modes(new):
+    if comparison.structural is None or not moves_modes(new):
         return None
     plain, free = unbent(comparison, own), np.ones(len(own), dtype=bool)
-    roughly, closely = Climb(coarse, free), Climb(structural, free)
     starts = starts_at(comparison, plain, new, STRENGTHS_AT_REST, shapes_of(new, comparison, None))
-    starts = sorted(starts, key=lambda start: -roughly.posterior(start)[0])[:ROUGHLY_CLIMBED]
-    rough = sorted((roughly.from_start(start, START_GAIN) for start in starts), key=lambda end: -end.log_posterior)
-    ends = [closely.from_start(end.values, START_GAIN) for end in rough[:CLIMBED]]
-    return max(ends, key=lambda end: end.log_posterior, default=None)
+    return _climbed_at_rest(comparison, starts, free)
+
+
+def height_at_rest(hypothesis: Hypothesis) -> float | None:
+    """Return how high a fitted model can climb by what was measured without cutting alone [nats].
+
+    From where it stands, and from the machine as described. None where nothing was measured without cutting.
+
+    See docs/physics.md#diagnosis.
+    """
+    comparison, fit = hypothesis.comparison, hypothesis.fit
+    if comparison.structural is None:
+        return None
+    there = Climb(comparison.structural, ~fit.fixed).from_start(fit.estimate, START_GAIN)
+    beside = _climbed_at_rest(comparison, [unbent(comparison, fit.estimate)], ~fit.fixed)
+    return max(there.log_posterior, beside.log_posterior)
+
+
+def _climbed_at_rest(comparison: Comparison, starts: Sequence[Array], free: NDArray[np.bool_]) -> Maximum:
+    """Return the highest place to which starts (parameter,) lead by what was measured without cutting.
+
+    By the sizes of responses first, which see from afar where a resonance lies, then by the responses themselves.
+    """
+    structural, coarse = comparison.structural, comparison.coarse
+    assert structural is not None
+    assert coarse is not None
+    roughly, closely = Climb(coarse, free), Climb(structural, free)
+    near = [roughly.approach(start, START_GAIN).values for start in _highest(roughly, starts)[:ROUGHLY_CLIMBED]]
+    rough = [roughly.from_start(place, START_GAIN).values for place in _highest(roughly, near)[:CLIMBED]]
+    width = column(comparison.parameters, "prior_width")
+    best, *others = _highest(roughly, rough)
+    apart = [other for other in others if np.abs((other - best) / width).max() > ONE_PLACE]
+    ends = [closely.from_start(place, START_GAIN) for place in (best, *apart)]
+    return max(ends, key=lambda end: end.log_posterior)
+
+
+def _highest(climb: Climb, places: Sequence[Array]) -> list[Array]:
+    """Return places (parameter,), the highest first."""
+    return sorted(places, key=lambda place: -climb.posterior(place)[0])
 
 
 def unbent(comparison: Comparison, own: Array) -> Array:

@@ -10,8 +10,11 @@ from chatter_core.evidence import Comparison, base_model, calibrate, read_campai
 from chatter_core.evidence.fit import fit
 from chatter_core.evidence.intervals import profile_interval
 from chatter_core.evidence.likelihood import balanced_error
+from chatter_core.evidence.newton import Climb
 from chatter_core.evidence.parameters import column
 from tests.synthetic import RPM, campaign, drawn_truth, measured, receptance, tip_machine, trials
+from tests.unit.test_candidates import candidate
+from tests.unit.test_unbent import responses_with, with_one_front_bearing
 
 CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
 SEEDS = 20
@@ -115,3 +118,16 @@ def test_a_campaign_without_effects_is_explained_by_its_nuisances():
     assert after <= 0.06
     gained = {name: refitted.log_likelihoods[name] - nominal.log_likelihoods[name] for name in nominal.log_likelihoods}
     assert min(gained.values()) > 0.0
+
+
+def test_a_model_that_lacks_an_effect_is_calibrated_to_the_highest_of_its_maxima(reference_machine):
+    """Responses at speeds that no preload meets together: what the responses alone approach ends 21 nats lower."""
+    machine, speeds = with_one_front_bearing(reference_machine), np.array([0.0, 12000.0, 18000.0]) * RPM
+    comparison = Comparison(model=base_model(responses_with(machine, candidate("thermal_preload"), speeds, rise=1.5)))
+    names, nulls = [p.name for p in comparison.parameters], comparison.model.nulls
+    climb = Climb(comparison, np.ones(len(names), dtype=bool))
+    starts = [np.where([name == "preload" for name in names], value, nulls) for value in (0.7, 1.4)]
+    lower, higher = sorted(climb.from_start(start).log_posterior for start in starts)
+    assert lower < higher - 15.0
+    # Climbs end where the next step promises a two-hundredth of a nat.
+    assert calibrate(comparison).log_posterior > higher - 0.1

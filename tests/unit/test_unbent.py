@@ -10,7 +10,8 @@ from chatter_core.evidence.candidates import extended
 from chatter_core.evidence.likelihood import LINE_ERROR
 from chatter_core.evidence.newton import Climb
 from chatter_core.evidence.pursuit import LEFT_GAIN, fit_hypothesis, ground
-from chatter_core.evidence.unbent import BENT, UNSEEN_AMPLITUDES, at_rest, has_bent, unseen_starts
+from chatter_core.evidence.starts import starts_at
+from chatter_core.evidence.unbent import BENT, UNSEEN_AMPLITUDES, at_rest, has_bent, height_at_rest, unseen_starts
 from chatter_core.machine import Machine
 from tests.synthetic import RPM, campaign, receptance, tip_machine, trials
 from tests.unit.test_candidates import base_of, candidate
@@ -18,13 +19,16 @@ from tests.unit.test_candidates import base_of, candidate
 FREQUENCY = 2.0 * np.pi * np.arange(100.0, 4000.0, 5.0)
 
 
-def responses_with(machine, new, **true):
-    """A campaign of both direct responses, of a machine with an effect and other parameters, and their noise."""
-    plan = campaign(machine, receptances=(receptance(FREQUENCY), receptance(FREQUENCY, axis=1)))
+def responses_with(machine, new, speeds=(0.0,), **true):
+    """A campaign of both direct responses at speeds, of a machine with an effect and other parameters, with noise."""
+    plan = campaign(
+        machine, receptances=tuple(receptance(FREQUENCY, speed=speed, axis=axis) for speed in speeds for axis in (0, 1))
+    )
     model = extended(Comparison(model=base_model(plan)), [new]).model
     values = np.array([true.get(p.name.split(".")[-1], p.null) for p in model.parameters])
     rng = np.random.default_rng(1)
-    noise = LINE_ERROR * (rng.standard_normal((2, FREQUENCY.size)) + 1j * rng.standard_normal((2, FREQUENCY.size)))
+    parts = rng.standard_normal((2, 2 * len(speeds), FREQUENCY.size))
+    noise = LINE_ERROR * (parts[0] + 1j * parts[1])
     exact = model.predict(values).receptances
     made = [replace(one, value=h * (1.0 + n)) for one, h, n in zip(plan.receptances, exact, noise, strict=True)]
     return replace(plan, receptances=tuple(made))
@@ -35,18 +39,21 @@ def comparison_with(new):
     return extended(Comparison(model=base_model(plan)), [new])
 
 
-def test_an_effect_on_modes_begins_beside_a_bent_machine_and_beside_an_unbent_one():
+def test_an_effect_on_modes_begins_where_it_tells_most_beside_a_bent_machine_or_an_unbent_one():
     new = candidate("directional_asymmetry")
     comparison = comparison_with(new)
     names = [parameter.name for parameter in comparison.parameters]
-    bent = np.array([p.null for p in comparison.parameters])
+    unbent = np.array([p.null for p in comparison.parameters])
+    bent = unbent.copy()
     bent[names.index("damping")] = 0.3
-    starts = unseen_starts(comparison, bent, new)
-    strength, damping = names.index(new.amplitudes[0].name), names.index("damping")
-    places = {(round(start[strength] / new.amplitudes[0].prior_width, 6), start[damping]) for start in starts}
-    assert places == {(size, own) for size in UNSEEN_AMPLITUDES for own in (0.3, 0.0)}
+    places = [start for own in (bent, unbent) for start in starts_at(comparison, own, new, UNSEEN_AMPLITUDES, ())]
+    assert len(places) == 4
+    climb = Climb(comparison, np.ones(len(bent), dtype=bool))
+    heights = sorted((climb.place(place).height for place in places), reverse=True)
+    found = [climb.place(start).height for start in unseen_starts(comparison, bent, new)]
+    assert found == heights[:2]
     # Where nothing is bent the two places are one.
-    assert len(unseen_starts(comparison, np.array([p.null for p in comparison.parameters]), new)) == 2
+    assert len(unseen_starts(comparison, unbent, new)) == 2
 
 
 def test_an_effect_on_forces_has_none():
@@ -139,3 +146,22 @@ def test_where_nothing_was_measured_without_cutting_nothing_leads_anywhere():
     new = candidate("directional_asymmetry")
     comparison = comparison_with(new)
     assert at_rest(comparison, np.array([p.null for p in comparison.parameters]), new) is None
+
+
+def test_a_bent_model_is_told_what_the_machine_as_described_leads_to_without_an_effect(reference_machine):
+    """What an effect gains beside the machine as described counts for it only as far as the machine alone does not.
+
+    Responses at two speeds that no preload meets together make a maximum at each.
+    """
+    new, speeds = candidate("thermal_preload"), (0.0, 16000.0 * RPM)
+    base = base_of(responses_with(reference_machine, new, speeds, rise=0.5))
+    aside = np.where([p.name == "preload" for p in base.fit.parameters], -1.0, base.fit.estimate)
+    own = Climb(base.comparison.structural, ~base.fit.fixed).from_start(aside).log_posterior
+    # Hundreds of nats lie between the two.
+    assert own < base.fit.log_posterior - 100.0
+    assert height_at_rest(replace(base, fit=replace(base.fit, estimate=aside))) > own + 100.0
+
+
+def test_nothing_measured_without_cutting_leads_to_no_height():
+    cuts = trials(np.array([8000.0, 9000.0]) * RPM, np.array([1e-3, 2e-3]))
+    assert height_at_rest(base_of(campaign(tip_machine(), trials=cuts))) is None
