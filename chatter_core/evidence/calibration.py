@@ -19,8 +19,8 @@ from chatter_core.evidence.parameters import Array, Parameter, Problem, column
 START_WIDTHS = 2.0
 #: What only yields a start for the fit of everything may end where the next step promises this [nats].
 START_GAIN = 0.3
-#: Where sizes of responses lead it is higher if that is by more than ends of one climb differ [nats].
-HIGHER = 5.0
+#: What sizes of responses lead to is another maximum where it is higher by more than a posterior is rough [nats].
+HIGHER = 1.0
 
 
 def calibrate(
@@ -43,10 +43,13 @@ def calibrate(
     own = column(comparison.parameters, "null") if start is None else np.asarray(start, dtype=float)
     free = free_parameters(comparison, fixed, own)
     # Labels alone are cheap to look at from many starts too: their lobes lie elsewhere when a frequency does.
-    starts, climbed, spent = [own, *_displaced(comparison.parameters, own, free)], CLIMBED_STARTS, 0
-    for part, sizes in ((comparison.structural, comparison.coarse), (comparison.smooth, None), (comparison, None)):
+    displaced = _displaced(comparison.parameters, own, free)
+    starts, climbed, spent = [own, *displaced], CLIMBED_STARTS, 0
+    # Where no parameter of the structure is free, sizes would lead the sensors' frequencies astray.
+    coarse = comparison.coarse if displaced else None
+    for part, from_afar in ((comparison.structural, coarse), (comparison.smooth, None), (comparison, None)):
         if part is not None:
-            end, evaluations = _approached(part, starts, free, climbed, sizes)
+            end, evaluations = _approached(part, starts, free, climbed, from_afar)
             # Where it jumps, data may ask for another place than those that lead there.
             starts, climbed = [own, end, *_displaced(comparison.parameters, end, free)], 2
             spent += evaluations
@@ -55,18 +58,18 @@ def calibrate(
 
 
 def _approached(
-    problem: Problem, starts: Sequence[Array], free: NDArray[np.bool_], climbed: int, sizes: Problem | None
+    problem: Problem, starts: Sequence[Array], free: NDArray[np.bool_], climbed: int, from_afar: Problem | None
 ) -> tuple[Array, int]:
     """Return the highest place (parameter,) that approaches from the highest of some starts come to; evaluations.
 
-    sizes: a problem that sees maxima from afar, by which the first start leads to another one; None without any.
+    from_afar: a problem that sees maxima from afar, by which the first start may lead to another one.
     """
     climb = Climb(problem, free)
     order = np.argsort([climb.posterior(start)[0] for start in starts])[::-1][:climbed]
     best = max((climb.approach(starts[index], START_GAIN) for index in order), key=lambda end: end.log_posterior)
-    if sizes is None:
+    if from_afar is None:
         return best.values, climb.evaluations
-    rough = Climb(sizes, free).from_start(starts[0], START_GAIN)
+    rough = Climb(from_afar, free).from_start(starts[0], START_GAIN)
     beside = climb.from_start(rough.values, START_GAIN)
     highest = beside if beside.log_posterior > best.log_posterior + HIGHER else best
     return highest.values, climb.evaluations + rough.evaluations

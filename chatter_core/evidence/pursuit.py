@@ -180,8 +180,8 @@ def pursue(prospect: Prospect) -> Hypothesis:
             # What chatter frequencies alone promise, smooth data know nothing of.
             found = _higher(found, climb.approach(start, START_GAIN, known, added, found.log_posterior))
     if prospect.nested.unsure:
-        for start in unseen_starts(comparison, prospect.at_null.values, prospect.candidates[-1]):
-            found = _higher(found, climb.approach(start, START_GAIN, None, None, found.log_posterior))
+        for there in unseen_starts(climb, prospect.at_null.values, prospect.candidates[-1]):
+            found = _higher(found, climb.approach_from(there, START_GAIN, None, None, found.log_posterior))
     if (reached := _reached_at_rest(prospect)) is not None:
         found = _higher(found, climb.approach(reached, START_GAIN, None, None, found.log_posterior))
     fit = result(comparison, found, climb.evaluations, -np.inf)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from chatter_core.evidence.calibration import START_GAIN
 from chatter_core.evidence.candidates import Candidate, Hypothesis
 from chatter_core.evidence.comparison import Comparison
-from chatter_core.evidence.newton import Climb, Maximum
+from chatter_core.evidence.newton import Climb, Maximum, Place
 from chatter_core.evidence.nuisances import Nuisance
 from chatter_core.evidence.parameters import Array, column
 from chatter_core.evidence.starts import CLIMBED, shapes_of, starts_at
@@ -20,14 +20,15 @@ from chatter_core.evidence.starts import CLIMBED, shapes_of, starts_at
 #: A model has bent where a parameter of the machine lies farther than this from what is described [widths of its
 #: prior].
 BENT = 2.5
-#: Strengths from which all data are climbed at once, without a look, in the widths that they are searched by.
-UNSEEN_AMPLITUDES = (0.3, 1.0)
+#: Strengths from the highest of which all data are climbed, whatever they promise, in the widths that they are searched
+#: by; two places are one where no parameter differs by more than so many widths of its prior.
+UNSEEN_AMPLITUDES, ONE_PLACE = (0.3, 1.0), 1.0
 #: Strengths that are looked at beside the machine as described by what was measured without cutting, in the same
 #: widths: springs between the parts of machines differ by decades, and a spring that is far too soft leads astray.
 STRENGTHS_AT_REST = (0.03, 0.1, 0.3, 1.0, 3.0)
-#: Of all those so many of the best are climbed from by the sizes of responses with one Jacobian, the best ends of these
-#: with a new one at each step, and then by the responses, unless they are one: nearer than this [widths of priors].
-ROUGHLY_CLIMBED, ONE_PLACE = 6, 0.3
+#: Of all those so many of the best are climbed from by the sizes of responses with one Jacobian, and the best ends of
+#: these to their maxima, and then by the responses.
+ROUGHLY_CLIMBED = 6
 
 
 def has_bent(hypothesis: Hypothesis) -> bool:
@@ -48,19 +49,22 @@ def moves_modes(new: Candidate) -> bool:
     return any(parameter.touches == "structure" for parameter in new.amplitudes)
 
 
-def unseen_starts(comparison: Comparison, own: Array, new: Candidate) -> list[Array]:
-    """Return starts (parameter,) of an effect beside what a model has come to, and beside the machine as described.
+def unseen_starts(climb: Climb, own: Array, new: Candidate) -> list[Place]:
+    """Return starts of an effect beside what a model has come to, and beside the machine as described.
 
-    For models of which cuts alone say where modes lie: the best of several. Effects that do not move modes have none.
+    For models of which cuts alone say where modes lie: the highest of several. Effects that do not move modes have
+    none. own: (parameter,), where the model has come to.
 
     See docs/physics.md#diagnosis.
     """
+    comparison = climb.problem
+    assert isinstance(comparison, Comparison)
     if not moves_modes(new):
         return []
-    plain = unbent(comparison, own)
-    places = [own] if np.array_equal(own, plain) else [own, plain]
+    plain, width = unbent(comparison, own), column(comparison.parameters, "prior_width")
+    places = [own] if np.abs((own - plain) / width).max() < ONE_PLACE else [own, plain]
     starts = [start for place in places for start in starts_at(comparison, place, new, UNSEEN_AMPLITUDES, ())]
-    return _highest(Climb(comparison, np.ones(len(own), dtype=bool)), starts)[:CLIMBED]
+    return sorted(map(climb.place, starts), key=lambda place: -place.height)[:CLIMBED]
 
 
 def at_rest(comparison: Comparison, own: Array, new: Candidate) -> Maximum | None:
@@ -87,9 +91,9 @@ def height_at_rest(hypothesis: Hypothesis) -> float | None:
     comparison, fit = hypothesis.comparison, hypothesis.fit
     if comparison.structural is None:
         return None
+    plain = np.where(fit.fixed, fit.estimate, unbent(comparison, fit.estimate))
     there = Climb(comparison.structural, ~fit.fixed).from_start(fit.estimate, START_GAIN)
-    beside = _climbed_at_rest(comparison, [unbent(comparison, fit.estimate)], ~fit.fixed)
-    return max(there.log_posterior, beside.log_posterior)
+    return max(there.log_posterior, _climbed_at_rest(comparison, [plain], ~fit.fixed).log_posterior)
 
 
 def _climbed_at_rest(comparison: Comparison, starts: Sequence[Array], free: NDArray[np.bool_]) -> Maximum:
@@ -101,18 +105,10 @@ def _climbed_at_rest(comparison: Comparison, starts: Sequence[Array], free: NDAr
     assert structural is not None
     assert coarse is not None
     roughly, closely = Climb(coarse, free), Climb(structural, free)
-    near = [roughly.approach(start, START_GAIN).values for start in _highest(roughly, starts)[:ROUGHLY_CLIMBED]]
-    rough = [roughly.from_start(place, START_GAIN).values for place in _highest(roughly, near)[:CLIMBED]]
-    width = column(comparison.parameters, "prior_width")
-    best, *others = _highest(roughly, rough)
-    apart = [other for other in others if np.abs((other - best) / width).max() > ONE_PLACE]
-    ends = [closely.from_start(place, START_GAIN) for place in (best, *apart)]
-    return max(ends, key=lambda end: end.log_posterior)
-
-
-def _highest(climb: Climb, places: Sequence[Array]) -> list[Array]:
-    """Return places (parameter,), the highest first."""
-    return sorted(places, key=lambda place: -climb.posterior(place)[0])
+    places = sorted(map(roughly.place, starts), key=lambda place: -place.height)[:ROUGHLY_CLIMBED]
+    near = sorted((roughly.approach_from(place, START_GAIN) for place in places), key=lambda end: -end.log_posterior)
+    rough = [roughly.from_start(end.values, START_GAIN) for end in near[:CLIMBED]]
+    return max((closely.from_start(end.values, START_GAIN) for end in rough), key=lambda end: end.log_posterior)
 
 
 def unbent(comparison: Comparison, own: Array) -> Array:
