@@ -16,9 +16,13 @@ from chatter_core.tip import TipModes, state_space
 COLLOCATION = MethodSettings(name="collocation", tolerance=1e-4)
 
 
+#: Files that take a minute of a processor or more, the longest first.
+LONGEST = ("test_tutorial.py", "test_blind.py", "test_compare.py", "test_starts.py", "test_interruption.py")
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with what takes longest: files are spread over processes, and none should be left with it in the end."""
-    items.sort(key=lambda item: item.path.name != "test_tutorial.py")
+    items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
 
 
 @pytest.fixture(scope="session")

@@ -5,6 +5,7 @@ A displaced resonance has no slope that would lead to it, so places are looked a
 
 import itertools
 from collections.abc import Iterable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +35,8 @@ MISSED_BY, SAME_FREQUENCY, MOST_FREQUENCIES, BESIDE = 3.0, 0.05, 3, 0.02
 #: not quite right the data do not object, and a strong one is seen by no weak one's light. Where no chatter frequency
 #: was heard it takes the one between, too.
 SCANNED_AMPLITUDES, SCANNED_IN_SILENCE = (0.3, 3.0), (0.3, 1.0, 3.0)
-#: Of a strength that makes teeth unlike, and is looked at value by value, so many values are looked at with the motion
-#: that they force, which takes several times as long as without.
+#: Of starts that make teeth unlike so many are looked at with the motion that they force, which takes several times as
+#: long as without.
 SCREENED = 6
 #: Of all cuts that chatter so many leave no more waves between two teeth than count.
 MANY_WAVES = 0.9
@@ -61,17 +62,43 @@ def promises(
 ) -> list[tuple[float, Array]]:
     """Return starts of an effect, and what each promises over its null [nats]; scanned: whether a scan is among them.
 
-    Each shape is looked at with the first strength, the best of them and of what is scanned with the others too, and
-    all shapes again with the strength that was best. Where an effect is nothing but a strength, and that is scanned, no
-    other is looked at.
+    Of starts that make teeth unlike only some are looked at with the motion that these force.
 
     See docs/physics.md#diagnosis.
     """
     one_by_one = _scanned(new, comparison, own, amplitudes) if scanned else []
-    if len(one_by_one) > SCREENED and _is_scanned_strength(new):
-        return _screened(worth, new, one_by_one)
     shapes = shapes_of(new, comparison, at_null)
     first = starts_at(comparison, own, new, amplitudes[:1], shapes) + one_by_one
+    places = partial(
+        _places,
+        comparison=comparison,
+        new=new,
+        first=first,
+        one_by_one=one_by_one,
+        shapes=shapes,
+        amplitudes=amplitudes[1:],
+    )
+    unlike = any(worth.makes_teeth_unlike(start) for start in first)
+    return _screened(worth, comparison, new, places(worth.still)) if unlike else places(worth)
+
+
+def _places(
+    worth: "Worth",
+    comparison: Comparison,
+    new: Candidate,
+    first: Sequence[Array],
+    one_by_one: Sequence[Array],
+    shapes: Sequence[float],
+    amplitudes: Sequence[float],
+) -> list[tuple[float, Array]]:
+    """Return starts (parameter,) and what they promise [nats].
+
+    Each shape is looked at with the first strength, the best of them and of what is scanned with the others too, and
+    all shapes again with the strength that was best. Where an effect is nothing but a strength, and that is scanned, no
+    other is looked at.
+    """
+    if len(one_by_one) > SCREENED and _is_scanned_strength(new):
+        return [(worth.of(start), start) for start in one_by_one]
     found = [(worth.of(start), start) for start in first]
 
     def add(starts: Iterable[Array]) -> None:
@@ -80,7 +107,7 @@ def promises(
                 found.append((worth.of(start), start))
 
     best = sorted(found, key=lambda one: -one[0])[:CLIMBED]
-    add(start for _, shaped in best for start in starts_at(comparison, shaped, new, amplitudes[1:], ()))
+    add(start for _, shaped in best for start in starts_at(comparison, shaped, new, amplitudes, ()))
     _, strong = max(found, key=lambda one: one[0])
     add(_shaped(comparison, strong, new, shapes))
     return found
@@ -95,22 +122,18 @@ def _is_scanned_strength(new: Candidate) -> bool:
     return (below or strength.lower == strength.null) and (above or strength.upper == strength.null)
 
 
-def _screened(worth: "Worth", new: Candidate, scanned: Sequence[Array]) -> list[tuple[float, Array]]:
-    """Return scanned places (parameter,) of a strength and what they promise [nats].
+def _screened(
+    worth: "Worth", comparison: Comparison, new: Candidate, still: Sequence[tuple[float, Array]]
+) -> list[tuple[float, Array]]:
+    """Return starts that make teeth unlike, and what they promise [nats] where chips force a motion.
 
-    Where it is the effect that makes teeth unlike, only those are looked at that promise most as if their chips forced
-    no motion. What the others promise is minus infinity: they part peaks as they do where all are looked at.
+    still: what they promise as if none were forced. Only those are looked at that promise most so, of what is scanned
+    the peaks before others. The rest promises minus infinity: it parts peaks as it does where all are looked at.
     """
-    if not any(worth.makes_teeth_unlike(start) for start in scanned):
-        return [(worth.of(start), start) for start in scanned]
-    (place,) = np.flatnonzero(worth.added)
-    unmoved, still = worth.still, dict[tuple[float, ...], tuple[float, Array]]()
-    for start in scanned:
-        still[float(start[place]),] = unmoved.of(start), start
-    peaks = {float(start[place]) for _, start in _peaks(still)}
-    order = sorted(still, key=lambda value: (value[0] not in peaks, -still[value][0]))
-    promise = {value: worth.of(still[value][1]) for value in order[:SCREENED]}
-    return [(promise.get(value, -np.inf), start) for value, (_, start) in still.items()]
+    ordered = [*_ordered(comparison, new, still), *sorted(still, key=lambda one: -one[0])]
+    # Each start once.
+    looked_at = list(dict.fromkeys(id(start) for _, start in ordered))[:SCREENED]
+    return [(worth.of(start) if id(start) in looked_at else -np.inf, start) for _, start in still]
 
 
 def other_shapes(comparison: Comparison, values: Array, new: Candidate) -> list[Array]:

@@ -36,6 +36,20 @@ def test_a_flat_branch_below_the_limit_does_not_hide_it():
     assert np.isnan(crossing[5:]).all()
 
 
+def test_a_crossing_is_found_where_growth_is_small_however_wide_its_bracket_is():
+    asked = []
+
+    def growth(curve, place):
+        asked.append(place)
+        return np.expm1(place - 0.13)
+
+    margin, crossing = each_alone(growth, [0.0])
+    # A straight line to the other end of the bracket is off by its curvature: half of what is small over the slope.
+    assert (margin, crossing) == (pytest.approx([-0.13], abs=5e-5), pytest.approx([0.13], abs=5e-5))
+    # The cut with what lies beyond, and three to where the line through them leads: a bracket of 0.001 takes one more.
+    assert len(asked) == 4
+
+
 def test_the_nearest_of_several_crossings_counts_whichever_way_it_leads():
     # An island of instability from 0.4 below a cut to 0.05 below: both cuts are stable, above and below it.
     margin, crossing = margins(

@@ -12,7 +12,7 @@ from chatter_core.evidence.candidates import Candidate, extended
 from chatter_core.evidence.fit import free_parameters, maximise
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.pursuit import LEFT_GAIN, fit_hypothesis, ground, look, refit
-from chatter_core.evidence.starts import SCREENED, Worth, other_shapes, waves_between_teeth
+from chatter_core.evidence.starts import SCREENED, SMALLEST_PROMISE, Worth, other_shapes, waves_between_teeth
 from tests.synthetic import RPM, campaign, measured, tip_machine, trials
 from tests.unit.test_candidates import base_of, candidate
 
@@ -20,6 +20,7 @@ SLOW, FAST = np.linspace(1500.0, 4000.0, 22) * RPM, np.linspace(5000.0, 16000.0,
 MIDDLE = np.linspace(2500.0, 8000.0, 22) * RPM
 DEPTHS = np.geomspace(5e-4, 8e-3, 8)
 PITCH, ALONG, ACROSS = candidate("variable_pitch"), candidate("workpiece_mode"), candidate("workpiece_mode", 1)
+RUNOUT = candidate("tool_runout")
 #: Where modes of 600 and 660 Hz leave no more than so many waves between two teeth, in most of the cuts.
 FEW_WAVES = 6.0
 assert PITCH.scan is not None
@@ -87,6 +88,22 @@ def test_the_pitch_that_promises_most_is_found_as_if_teeth_forced_no_motion():
     # It is the motion that is left out: teeth that are all alike force none.
     assert worth.still.of(start) != everywhere[value]
     assert worth.still.of(prospect.at_null.values) == worth.of(prospect.at_null.values)
+
+
+def test_of_runout_those_starts_are_looked_at_on_the_motion_that_promise_most_without_it():
+    base = base_of(judged(RUNOUT, FAST[::2], {"runout_um": 60.0, "phase_deg": 40.0}))
+    prospect = look(base.comparison, [RUNOUT], ground(base))
+    worth = Worth(prospect.climb, prospect.at_null, prospect.known, prospect.added)
+    # The null is no start that makes teeth unlike.
+    starts = [(promise, start) for promise, start in prospect.starts if worth.makes_teeth_unlike(start)]
+    looked_at = {id(start): promise for promise, start in starts if promise > -np.inf}
+    assert len(looked_at) == SCREENED < len(starts) == len(prospect.starts) - 1
+    still = sorted(starts, key=lambda one: -worth.still.of(one[1]))
+    assert set(looked_at) == {id(start) for _, start in still[:SCREENED]}
+    everywhere = {id(start): worth.of(start) for _, start in starts}
+    best = max(everywhere, key=everywhere.get)
+    # It is climbed from.
+    assert looked_at[best] == everywhere[best] > SMALLEST_PROMISE
 
 
 @pytest.mark.parametrize(("heard", "bent", "beside"), [(False, False, True), (True, False, False), (True, True, True)])
