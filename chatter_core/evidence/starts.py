@@ -313,11 +313,11 @@ def _ordered(
 
 def _peaks(promised: dict[tuple[float, ...], tuple[float, Array]]) -> list[tuple[float, Array]]:
     """Return starts by a scanned value of which neither neighbour promises more."""
-    line = [promised[value] for value in sorted(promised)]
-    aside = (-np.inf, np.empty(0))
+    line, aside = [promised[value] for value in sorted(promised)], (-np.inf, np.empty(0))
+    ends = [aside, *line, aside]
     return [
         one
-        for before, one, behind in zip([aside, *line[:-1]], line, [*line[1:], aside], strict=True)
+        for before, one, behind in zip(ends[:-2], line, ends[2:], strict=True)
         if one[0] >= max(before[0], behind[0])
     ]
 

@@ -11,8 +11,15 @@ from chatter_core.evidence import CampaignModel, Comparison, base_model
 from chatter_core.evidence.candidates import Candidate, extended
 from chatter_core.evidence.fit import free_parameters, maximise
 from chatter_core.evidence.measured import OUTCOMES
-from chatter_core.evidence.pursuit import LEFT_GAIN, fit_hypothesis, ground, look, refit
-from chatter_core.evidence.starts import SCREENED, SMALLEST_PROMISE, Worth, other_shapes, waves_between_teeth
+from chatter_core.evidence.pursuit import LEFT_GAIN, fit_hypothesis, ground, look, pursue, refit
+from chatter_core.evidence.starts import (
+    SCREENED,
+    SLIGHT_AMPLITUDES,
+    SMALLEST_PROMISE,
+    Worth,
+    other_shapes,
+    waves_between_teeth,
+)
 from tests.synthetic import RPM, campaign, measured, tip_machine, trials
 from tests.unit.test_candidates import base_of, candidate
 
@@ -170,6 +177,14 @@ def test_what_chatter_frequencies_alone_promise_is_climbed_to():
     assert found.moved
     # A climb with one Jacobian ends where its next step promises half a nat, and the posterior is rough by one.
     assert found.fit.log_posterior > ended.log_posterior - 2.0
+
+
+def test_a_weak_mode_is_climbed_to_where_slight_strengths_alone_are_looked_at():
+    """As beside an effect that suffices: no start is stronger than the first strength then."""
+    base = base_of(judged(ACROSS, FAST[::2], {"compliance_um_n": 0.03, "natural_frequency_hz": 960.0}))
+    found = pursue(look(base.comparison, [ACROSS], ground(base), SLIGHT_AMPLITUDES))
+    assert found.moved
+    assert found.fit.log_posterior > base.fit.log_posterior + SMALLEST_PROMISE
 
 
 def test_a_mode_that_is_stronger_than_any_slight_one_would_tell_is_found_where_cuts_are_slow():
