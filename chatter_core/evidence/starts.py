@@ -5,7 +5,6 @@ A displaced resonance has no slope that would lead to it, so places are looked a
 
 import itertools
 from collections.abc import Iterable, Sequence
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,17 +68,9 @@ def promises(
     one_by_one = _scanned(new, comparison, own, amplitudes) if scanned else []
     shapes = shapes_of(new, comparison, at_null)
     first = starts_at(comparison, own, new, amplitudes[:1], shapes) + one_by_one
-    places = partial(
-        _places,
-        comparison=comparison,
-        new=new,
-        first=first,
-        one_by_one=one_by_one,
-        shapes=shapes,
-        amplitudes=amplitudes[1:],
-    )
     unlike = any(worth.makes_teeth_unlike(start) for start in first)
-    return _screened(worth, comparison, new, places(worth.still)) if unlike else places(worth)
+    found = _places(worth.still if unlike else worth, comparison, new, first, one_by_one, shapes, amplitudes[1:])
+    return _screened(worth, comparison, new, found) if unlike else found
 
 
 def _places(
