@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from chatter_core import cutting, floquet, spindle, tip
 from chatter_core.bearing import BearingState, SpeedLaw, state_along
-from chatter_core.contact import forced_contact
+from chatter_core.contact import Contact, KnownForces, forced_contact
 from chatter_core.errors import InvalidInput
 from chatter_core.following import follow_modes, path_to
 from chatter_core.machine import Machine
@@ -211,6 +211,45 @@ def milling_equation(
     See docs/physics.md#delay-equation.
     """
     stages = stages_of(model)
+    gain, system, system_index = _gain(stages, structure, speed_index, axial_depth)
+    met = _as_moved(stages, gain, system, system_index) if _forces_a_motion(stages) else None
+    cut = stages.regeneration(gain if met is None else replace(gain, passages=met.passages))
+    return floquet.DelayEquation(
+        system=system,
+        system_index=system_index,
+        feedback=cut.feedback,
+        velocity_gain=cut.velocity_gain,
+        period=cut.period,
+        breakpoints=cut.breakpoints,
+        known=None if met is None else met.found,
+    )
+
+
+def repeating_forces(
+    stages: Stages, structure: Structure, speed_index: NDArray[np.intp], axial_depth: Array
+) -> KnownForces | None:
+    """Return the forces that repeat with the revolution at operating points, as ``milling_equation`` has these.
+
+    For stages that hardly differ, to begin from. None where teeth take like chips.
+
+    See docs/physics.md#forced-motion.
+    """
+    if not _forces_a_motion(stages):
+        return None
+    met = _as_moved(stages, *_gain(stages, structure, speed_index, axial_depth))
+    if not met.found.any():
+        return None
+    return KnownForces(
+        spindle_speed=structure.spindle_speed[speed_index][met.found],
+        axial_depth=axial_depth[met.found],
+        force=met.force[met.found],
+    )
+
+
+def _gain(
+    stages: Stages, structure: Structure, speed_index: NDArray[np.intp], axial_depth: Array
+) -> tuple[cutting.CuttingGain, floquet.LinearSystem, NDArray[np.intp]]:
+    """Return what cuts at operating points, the systems that it moves, and which of them moves there (point,)."""
     machine, speed = stages.machine, structure.spindle_speed[speed_index]
     gain = cutting.CuttingGain(
         axial_depth=axial_depth,
@@ -220,29 +259,21 @@ def milling_equation(
         passages=stages.passages,
     )
     used, system_index = np.unique(speed_index, return_inverse=True)
-    system = stages.linear_system(structure.cut_modes.at(used), structure.spindle_speed[used])
-    gain, known = _as_moved(stages, gain, system, system_index)
-    cut = stages.regeneration(gain)
-    return floquet.DelayEquation(
-        system=system,
-        system_index=system_index,
-        feedback=cut.feedback,
-        velocity_gain=cut.velocity_gain,
-        period=cut.period,
-        breakpoints=cut.breakpoints,
-        known=known,
-    )
+    return gain, stages.linear_system(structure.cut_modes.at(used), structure.spindle_speed[used]), system_index
+
+
+def _forces_a_motion(stages: Stages) -> bool:
+    """Return whether teeth are moved unlike, and that counts."""
+    return stages.forced_motion and stages.teeth(stages.machine.tool).repeat > 1
 
 
 def _as_moved(
     stages: Stages, gain: cutting.CuttingGain, system: floquet.LinearSystem, system_index: NDArray[np.intp]
-) -> tuple[cutting.CuttingGain, NDArray[np.bool_] | None]:
-    """Return the gain with who cuts what on the motion that the cut forces, and where that was found (point,)."""
+) -> Contact:
+    """Return who cuts what on the motion that the cut forces."""
     teeth, process = stages.teeth(stages.machine.tool), stages.machine.process
-    if teeth.repeat == 1 or not stages.forced_motion:
-        return gain, None
-    met = forced_contact(gain, teeth, stages.engagement(process), process.feed_per_tooth, system, system_index)
-    return replace(gain, passages=met.passages), met.found
+    arc, feed = stages.engagement(process), process.feed_per_tooth
+    return forced_contact(gain, teeth, arc, feed, system, system_index, stages.known_forces)
 
 
 def structure_variables(

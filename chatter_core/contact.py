@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from chatter_core.cutting import CuttingGain
 from chatter_core.floquet import LinearSystem
-from chatter_core.forced_motion import Cut, Modes, at, move, repeating_force, steps_of, surface
+from chatter_core.forced_motion import Cut, Modes, at, move, nearby_force, repeating_force, steps_of, surface
 from chatter_core.jit import compiled
 from chatter_core.teeth import Engagement, Passages, Teeth
 
@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 
 #: Samples of the force in a mean pitch, and how much finer the motion is.
 SAMPLES, FINER = 32, 3
+#: Forces lead to those of a cut that differs by no more than this in ln(depth).
+NEAR_DEPTH = 0.05
 #: Slices of a helical edge, parts of it that are in contact for themselves: so many at least and at most, and no wider
 #: than this [rad], nor than this share of the arc in the work.
 FEWEST, MOST, WIDEST, SHARE_OF_ARC = 2, 16, 0.5, 0.5
@@ -47,13 +49,37 @@ class Contact:
     """Who cuts what on the motion that the cut forces.
 
     passages: with entries and exits of every point (point, passage); motion: the tip's displacement (point, sample, 2)
-    [m] at equal times of a revolution, from when the first tooth is at angle 0; found: (point,), False where Newton's
-    method has not arrived.
+    [m] at equal times of a revolution, from when the first tooth is at angle 0; force (point, 2, sample) [N], at fewer;
+    found: (point,), False where Newton's method has not arrived.
     """
 
     passages: Passages
     motion: Array
+    force: Array
     found: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownForces:
+    """Forces that repeat with the revolution, from which those of a model that hardly differs are found.
+
+    spindle_speed [rad/s], axial_depth [m]: (point,); force: (point, 2, sample) [N].
+    """
+
+    spindle_speed: Array
+    axial_depth: Array
+    force: Array
+
+    def near(self, spindle_speed: Array, axial_depth: Array) -> Array:
+        """Return the forces (cut, 2, sample) at the speed and the nearest depth of cuts (cut,); NaN where none is near.
+
+        See docs/physics.md#forced-motion.
+        """
+        apart = np.abs(np.log(axial_depth[:, None] / self.axial_depth))
+        apart[spindle_speed[:, None] != self.spindle_speed] = np.inf
+        nearest = apart.argmin(axis=1)
+        near = apart[np.arange(len(nearest)), nearest] <= NEAR_DEPTH
+        return np.where(near[:, None, None], self.force[nearest], np.nan)
 
 
 def forced_contact(
@@ -63,11 +89,12 @@ def forced_contact(
     feed_per_tooth: float,
     system: LinearSystem,
     system_index: NDArray[np.intp],
+    known: KnownForces | None = None,
 ) -> Contact:
     """Return who cuts what at operating points.
 
     cut: with any passages; feed_per_tooth [m] is that of a mean pitch; system_index: (point,), which of the systems
-    moves the tip.
+    moves the tip; known: forces of a model that hardly differs.
 
     Raises UnsupportedEquation when a system cannot be diagonalised.
 
@@ -77,7 +104,9 @@ def forced_contact(
     passed = np.array([np.cumsum(np.roll(teeth.pitch, -tooth)) for tooth in range(count)])
     longer = np.array([teeth.radius[tooth] - np.roll(teeth.radius, -tooth - 1) for tooth in range(count)])
     ahead = 2.0 * math.pi / count * np.concatenate([[0.0], np.cumsum(teeth.pitch)[:-1]])
-    motion, found = np.zeros((len(lag), 2, count * SAMPLES * FINER)), np.zeros(len(lag), dtype=np.bool_)
+    samples = count * SAMPLES
+    motion, found = np.zeros((len(lag), 2, samples * FINER)), np.zeros(len(lag), dtype=np.bool_)
+    force = np.full((len(lag), 2, samples), np.nan) if known is None else known.near(cut.spindle_speed, cut.axial_depth)
     half = system.half_spectrum
     modes = Modes(half.poles, half.seen, half.driven)
     tangential, radial = (
@@ -88,7 +117,7 @@ def forced_contact(
     for slices in np.unique(number):
         points = np.flatnonzero(number == slices)
         begin = np.zeros((len(points), count * slices, count, STRETCHES))
-        end, motions, arrived = np.zeros_like(begin), motion[points], found[points]
+        end, motions, forces, arrived = np.zeros_like(begin), motion[points], force[points], found[points]
         _meet(
             modes,
             2.0 * math.pi / cut.spindle_speed[points],
@@ -103,14 +132,15 @@ def forced_contact(
             feed_per_tooth,
             engagement.entry,
             engagement.exit,
+            forces,
             motions,
             begin,
             end,
             arrived,
         )
-        motion[points], found[points] = motions, arrived
+        motion[points], force[points], found[points] = motions, forces, arrived
         parts.append((points, _listed(begin, end, ahead, passed, longer, int(slices), teeth.repeat)))
-    return Contact(passages=_together(parts, len(lag)), motion=motion.swapaxes(1, 2), found=found)
+    return Contact(passages=_together(parts, len(lag)), motion=motion.swapaxes(1, 2), force=force, found=found)
 
 
 def slices_of(lag: Array, engagement: Engagement) -> NDArray[np.intp]:
@@ -168,10 +198,13 @@ def _listed(begin: Array, end: Array, ahead: Array, passed: Array, longer: Array
 
 @compiled
 def _meet(  # type: ignore[no-untyped-def]
-    modes, revolutions, system, lags, depths, tangentials, radials, ahead, passed, longer, feed, entry, leave, motions,
-    begin, end, found,
+    modes, revolutions, system, lags, depths, tangentials, radials, ahead, passed, longer, feed, entry, leave, forces,
+    motions, begin, end, found,
 ):  # fmt: skip
-    """Fill in the motions, where each edge begins and ends to follow each other, and what was found."""
+    """Fill in forces, motions, where each edge begins and ends to follow each other, and what was found.
+
+    forces (point, 2, sample): from nearby, not a number where nothing is known.
+    """
     edges = begin.shape[1]
     slices = edges // len(ahead)
     for p in range(len(depths)):
@@ -180,7 +213,11 @@ def _meet(  # type: ignore[no-untyped-def]
             offset[e] = ahead[e // slices] - lags[p] * (e % slices + 0.5) / slices
         cut = Cut(offset, entry, leave, passed, longer, feed, depths[p] * tangentials[p], depths[p] * radials[p])
         own = Modes(modes.poles[system[p]], modes.seen[system[p]], modes.driven[system[p]])
-        force, found[p] = repeating_force(cut, own, revolutions[p], len(ahead) * SAMPLES)
+        if np.isfinite(forces[p, 0, 0]):
+            force, found[p] = nearby_force(cut, own, revolutions[p], forces[p])
+        else:
+            force, found[p] = repeating_force(cut, own, revolutions[p], forces.shape[2])
+        forces[p] = force
         move(steps_of(own, revolutions[p], motions.shape[2]), force, motions[p])
         found[p] = found[p] and np.isfinite(motions[p]).all()
         for e in range(edges):

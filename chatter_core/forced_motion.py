@@ -179,6 +179,20 @@ def repeating_force(cut, modes, revolution, samples):  # type: ignore[no-untyped
 
 
 @compiled
+def nearby_force(cut, modes, revolution, near):  # type: ignore[no-untyped-def]
+    """Return what ``repeating_force`` does, to which forces (2, sample) of a cut that hardly differs mostly lead.
+
+    near: those.
+
+    See docs/physics.md#forced-motion.
+    """
+    samples, force = near.shape[1], near.copy()
+    if _followed(_sampled(cut, samples), steps_of(modes, revolution, samples), force, DIRECTLY):
+        return force, True
+    return repeating_force(cut, modes, revolution, samples)
+
+
+@compiled
 def move(steps, force, motion):  # type: ignore[no-untyped-def]
     """Fill in the motion (2, time) under forces (2, sample) that repeat; times may be finer than samples, as steps are.
 

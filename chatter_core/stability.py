@@ -10,7 +10,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_core.chain import Structure, milling_equation
+from chatter_core.chain import Structure, milling_equation, repeating_forces
+from chatter_core.contact import KnownForces
 from chatter_core.floquet import (
     DelayEquation,
     FloquetSolution,
@@ -162,6 +163,19 @@ def motions(
             chatter[points] = np.where(solution.converged, _strongest_line(solution), np.nan)
             growth[points], frequency[points] = _grows(stages, equation, found)
     return chatter, growth, frequency
+
+
+def known_forces(
+    stages: Stages, built: Structure, speed_index: NDArray[np.intp], axial_depth: Array
+) -> KnownForces | None:
+    """Return the forces that repeat at those operating points that ``evaluate`` analyses; None where there are none.
+
+    See docs/physics.md#forced-motion.
+    """
+    count = len(axial_depth)
+    with stages.blaming():
+        points, _ = _candidates(stages, built, speed_index, np.ones(count), np.zeros(count, dtype=np.uint8))
+        return repeating_forces(stages, built, speed_index[points], axial_depth[points]) if len(points) else None
 
 
 def _equations(

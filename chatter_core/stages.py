@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from chatter_core import cutting, floquet, tip
 from chatter_core.bearing import BearingState
+from chatter_core.contact import KnownForces
 from chatter_core.cutting import CuttingGain, ForceCoefficients
 from chatter_core.joint import Joint
 from chatter_core.machine import Machine, Process, Spindle, Tool
@@ -177,7 +178,8 @@ class Stages:
     """A machine and the arrows of its chain, in their order; each with the arguments of its default.
 
     forced_motion: whether teeth that take unlike chips are met on the motion that these force, or as if nothing moved;
-    own_files: of the user's own laws among the arrows.
+    known_forces: that repeat in a machine that hardly differs, from which this one's are found; own_files: of the
+    user's own laws among the arrows.
     """
 
     machine: Machine
@@ -196,6 +198,7 @@ class Stages:
     force_coefficients: Callable[[Machine, Array], ForceCoefficients] = force_coefficients
     regeneration: Callable[[CuttingGain], Regeneration] = regeneration
     forced_motion: bool = True
+    known_forces: KnownForces | None = None
     own_files: tuple[Path, ...] = ()
 
     def blaming(self) -> AbstractContextManager[None]:
@@ -210,7 +213,7 @@ class Stages:
 
 
 #: What stages have besides, and all arrows, in the order of the chain.
-NO_ARROWS = ("machine", "forced_motion", "own_files")
+NO_ARROWS = ("machine", "forced_motion", "known_forces", "own_files")
 ARROWS = tuple(field.name for field in fields(Stages) if field.name not in NO_ARROWS)
 
 

@@ -1,12 +1,13 @@
 """The cuts of a campaign, trials and limit depths alike, sorted by what has to be computed anew for them."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chatter_core.chain import Structure
+from chatter_core.contact import KnownForces
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.columns import NO_WORD
 from chatter_core.evidence.margin import (
@@ -22,7 +23,7 @@ from chatter_core.evidence.measured import DIRECTIONS, Trials
 from chatter_core.evidence.parameters import Array
 from chatter_core.floquet import MethodSettings
 from chatter_core.machine import Machine
-from chatter_core.stability import critical_multipliers, evaluate, motions
+from chatter_core.stability import critical_multipliers, evaluate, known_forces, motions
 from chatter_core.stages import Indices, Stages
 
 #: Spectral radii below this are as good as none.
@@ -83,7 +84,8 @@ class CutPrediction:
     there are none; share (cut, 1 + other): of each, and each of its lines, in the growth of all; runner_up: ln|mu| per
     tooth period of the motion next to the critical one, NaN where unknown, and that of a prediction nearby where it was
     taken over; tooth_passing frequency and line_spacing of a motion [rad/s], the same where teeth are alike; solved:
-    whether the bearings have an equilibrium.
+    whether the bearings have an equilibrium. forces: that repeat in the cuts of a setup, by its first cut, where a
+    prediction nearby has needed them.
     """
 
     margin: Array
@@ -97,6 +99,7 @@ class CutPrediction:
     tooth_passing: Array
     line_spacing: Array
     solved: NDArray[np.bool_]
+    forces: dict[int, KnownForces | None] = field(default_factory=dict, init=False)
 
 
 def cuts_of(campaign: Campaign) -> Cuts:
@@ -125,16 +128,36 @@ def note_lines(
 ) -> None:
     """Note ``crossing_lines`` of a prediction, by its own stages and structure, where they are not noted yet.
 
-    Predictions nearby follow its crossings by them, however many they are.
+    Predictions nearby follow its crossings by them, however many they are, and find the motions that unlike teeth force
+    from the forces that are noted, too.
 
     See docs/physics.md#margin.
     """
+    first = int(setup.points[0])
+    if first not in known.forces:
+        known.forces[first] = _forces(known, stages, cuts, setup, built)
     crossing = known.crossing[setup.points]
     if np.isnan(known.slope[setup.points][np.isfinite(crossing)]).any():
         place = np.log(cuts.axial_depth[setup.points])
-        growth = _growth(stages, built, method)
+        growth = _growth(replace(stages, known_forces=known.forces[first]), built, method)
         lines = crossing_lines(growth, setup.speed_index, place, crossing)
         known.slope[setup.points], known.left[setup.points] = lines
+
+
+def _forces(known: CutPrediction, stages: Stages, cuts: Cuts, setup: Setup, built: Structure) -> KnownForces | None:
+    """Return the forces that repeat where a prediction was looked at, by its own stages and structure.
+
+    That is at its crossings and where it is heard; None where teeth are not moved unlike.
+    """
+    points = setup.points
+    crossing = known.crossing[points]
+    heard = cuts.heard[points] & np.isfinite(known.margin[points])
+    at = np.concatenate([crossing, where_it_chatters(known.margin[points], crossing)])
+    asked = np.flatnonzero(np.concatenate([np.isfinite(crossing), heard]))
+    log_depth = np.tile(np.log(cuts.axial_depth[points]), 2) + at
+    # Cuts that share a place tell it to the last digit but one.
+    place = np.unique([np.tile(setup.speed_index, 2)[asked], np.round(log_depth[asked], 12)], axis=1)
+    return known_forces(stages, built, place[0].astype(np.intp), np.exp(place[1])) if len(asked) else None
 
 
 def _growth(stages: Stages, built: Structure, method: MethodSettings) -> Growth:
@@ -154,10 +177,12 @@ def predict_cuts(
     """Predict the cuts of one setup with its structure; arrays are (cut,) of the setup.
 
     ``near``: a prediction of the same cuts by a model that hardly differs, from which crossings are followed by the
-    lines that are noted in it.
+    lines that are noted in it, and motions found from the forces that are.
 
     See docs/physics.md#margin.
     """
+    if near is not None:
+        stages = replace(stages, known_forces=near.forces[int(setup.points[0])])
     depth, growth = cuts.axial_depth[setup.points], _growth(stages, built, method)
     if near is None:
         margin, crossing = margins(growth, setup.speed_index, np.log(depth), cuts.reach[setup.points])
@@ -244,8 +269,9 @@ def together(parts: Sequence[CutPrediction], places: Sequence[Indices]) -> CutPr
     order = np.argsort(np.concatenate(places))
     return CutPrediction(
         **{
-            field.name: np.concatenate([getattr(part, field.name) for part in parts])[order]
-            for field in fields(CutPrediction)
+            one.name: np.concatenate([getattr(part, one.name) for part in parts])[order]
+            for one in fields(CutPrediction)
+            if one.name != "forces"
         }
     )
 

@@ -8,7 +8,7 @@ import pytest
 
 from chatter_core import chain, contact, forced_motion
 from chatter_core.chain import milling_equation, structure
-from chatter_core.contact import FINER, SAMPLES, forced_contact, slices_of
+from chatter_core.contact import FINER, SAMPLES, KnownForces, forced_contact, slices_of
 from chatter_core.cutting import CuttingGain
 from chatter_core.effects import activate, apply_effects
 from chatter_core.evidence.prediction import FITTING_METHOD
@@ -261,15 +261,15 @@ def test_what_is_found_for_a_cut_hangs_on_no_other(finishing: Machine):
     assert together == pytest.approx(np.array(alone), rel=1e-9)
 
 
-def met_by(machine: Machine, runout_um: float, speed, depth):
-    """Return the contact of cuts (point,) of a machine with runout."""
+def met_by(machine: Machine, runout_um: float, speed, depth, known: KnownForces | None = None):
+    """Return the contact of cuts (point,) of a machine with runout; known: forces of one that hardly differs."""
     stages, point, process = model(machine, runout_um), np.arange(len(speed)), machine.process
     built = structure(stages, speed, mode_count=4)
     equation = milling_equation(stages, built, point, depth)
     (gain, *_) = (term.gain for term in equation.feedback)
     assert isinstance(gain, CuttingGain)
     teeth, engagement = stages.teeth(machine.tool), stages.engagement(process)
-    return forced_contact(gain, teeth, engagement, process.feed_per_tooth, equation.system, point)
+    return forced_contact(gain, teeth, engagement, process.feed_per_tooth, equation.system, point, known)
 
 
 #: What misses a motion, how often Newton's method is tried at the full depth before something else is, and how near
@@ -313,6 +313,45 @@ def test_a_motion_that_one_way_misses_another_finds(missed: str, reference_machi
     tries, near = MISSED[missed]
     assert other.motion == pytest.approx(usual.motion, abs=near * np.abs(usual.motion).max())
     assert set(ways) == {tries}
+
+
+@pytest.mark.parametrize("leads_on", [True, False])
+def test_forces_of_a_machine_that_hardly_differs_lead_to_the_same_motion(
+    leads_on: bool, reference_machine: Machine, monkeypatch
+):
+    """Nothing is followed from none then; where they lead nowhere everything is, as without them."""
+    speed, depth = np.array([8000.0, 9000.0]) * RPM, np.array([2.8e-3, 3e-4])
+    fresh, near = (met_by(reference_machine, runout_um, speed, depth) for runout_um in (200.0, 200.4))
+    force = near.force.copy()
+    if not leads_on:
+        force[:, :, 5] = np.inf
+    known, real, asked = KnownForces(spindle_speed=speed, axial_depth=depth, force=force), contact.repeating_force, []
+
+    def followed_from_none(cut, modes, revolution, samples):
+        asked.append(cut)
+        return real(cut, modes, revolution, samples)
+
+    monkeypatch.setattr(forced_motion, "repeating_force", followed_from_none)
+    monkeypatch.setattr(contact, "nearby_force", contact.nearby_force.py_func)
+    monkeypatch.setattr(contact, "_meet", contact._meet.py_func)
+    found = met_by(reference_machine, 200.0, speed, depth, known)
+    assert found.found.all()
+    assert len(asked) == (0 if leads_on else 2)
+    # Forces arrive at 1e-9 of the largest, and a cut near the boundary answers them a hundredfold.
+    for name in ("force", "motion"):
+        expected = getattr(fresh, name)
+        assert getattr(found, name) == pytest.approx(expected, abs=1e-7 * np.abs(expected).max())
+    assert not np.allclose(near.motion, fresh.motion, rtol=0.0, atol=1e-4 * np.abs(fresh.motion).max())
+
+
+def test_known_forces_are_those_at_the_same_speed_and_the_nearest_depth():
+    force = np.arange(3.0)[:, None, None] * np.ones((3, 2, 4))
+    known = KnownForces(
+        spindle_speed=np.array([100.0, 100.0, 200.0]), axial_depth=np.array([1.0, 1.04, 2.0]), force=force
+    )
+    near = known.near(np.array([100.0, 100.0, 100.0, 200.0, 300.0]), np.array([1.01, 1.03, 2.0, 1.95, 1.0]))
+    assert near.shape == (5, 2, 4)
+    np.testing.assert_array_equal(near[:, 0, 0], [0.0, 1.0, np.nan, 2.0, np.nan])
 
 
 @pytest.mark.parametrize("depth_mm", [1.5, 1.75, 2.0])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from chatter_core import chain, tip
+from chatter_core.contact import forced_contact
 from chatter_core.effects import variants
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, base_model, cuts
@@ -200,6 +201,36 @@ def test_motions_that_cannot_grow_are_not_looked_for_nearby(reference_machine, m
     unknown = replace(here, cuts=replace(here.cuts, runner_up=np.full(8, np.nan)))
     model.predict(aside, unknown)
     assert sum(asked) == len(speeds)
+
+
+def test_motions_of_unlike_teeth_are_found_from_those_nearby(reference_machine, monkeypatch):
+    """Those of every cut, at its crossing and where it is heard, once they are known of the model nearby."""
+    plan = trials(np.repeat(np.array([8000.0, 11000.0]) * RPM, 2), np.tile([4e-4, 1.6e-3], 2))
+    plan = replace(plan, chatter_frequency=np.full(4, 900.0 * 2.0 * np.pi))
+    model = base_model(campaign(reference_machine, trials=plan), variants("tool_runout"))
+    own = np.array(
+        [{"tool_runout.runout_um": 60.0, "tool_runout.phase_deg": 20.0}.get(p.name, 0.0) for p in model.parameters]
+    )
+    here = model.predict(own)
+    step = 0.005 * np.array([p.prior_width for p in model.parameters])
+    model.predict(own + step, here)
+    # The same lines, and no forces.
+    unknown = replace(here, cuts=replace(here.cuts))
+    unknown.cuts.forces[0] = None
+    fresh, asked = model.predict(own - step, unknown).cuts, []
+
+    def noted(*arguments):
+        cut, known = arguments[0], arguments[-1]
+        asked.append(None if known is None else np.isfinite(known.near(cut.spindle_speed, cut.axial_depth)))
+        return forced_contact(*arguments)
+
+    monkeypatch.setattr(chain, "forced_contact", noted)
+    found = model.predict(own - step, here).cuts
+    assert asked
+    assert all(known is not None and known.all() for known in asked)
+    # Forces arrive at 1e-9 of the largest, and multipliers at 1e-7.
+    for name in ("margin", "crossing", "chatter_frequency", "other_frequency", "share"):
+        assert getattr(found, name) == pytest.approx(getattr(fresh, name), rel=1e-6, abs=1e-6, nan_ok=True), name
 
 
 def test_sensors_show_gain_phase_and_frequency_scale():
