@@ -18,6 +18,7 @@ from chatter_core.evidence.margin import (
     crossing_lines,
     followed_margins,
     margins,
+    shared,
 )
 from chatter_core.evidence.measured import DIRECTIONS, Trials
 from chatter_core.evidence.parameters import Array
@@ -154,10 +155,11 @@ def _forces(known: CutPrediction, stages: Stages, cuts: Cuts, setup: Setup, buil
     heard = cuts.heard[points] & np.isfinite(known.margin[points])
     at = np.concatenate([crossing, where_it_chatters(known.margin[points], crossing)])
     asked = np.flatnonzero(np.concatenate([np.isfinite(crossing), heard]))
-    log_depth = np.tile(np.log(cuts.axial_depth[points]), 2) + at
-    # Cuts that share a place tell it to the last digit but one.
-    place = np.unique([np.tile(setup.speed_index, 2)[asked], np.round(log_depth[asked], 12)], axis=1)
-    return known_forces(stages, built, place[0].astype(np.intp), np.exp(place[1])) if len(asked) else None
+    if not len(asked):
+        return None
+    place = np.tile(np.log(cuts.axial_depth[points]), 2)
+    speed, log_depth, _, _ = shared(np.tile(setup.speed_index, 2), place, at, asked)
+    return known_forces(stages, built, speed, np.exp(log_depth))
 
 
 def _growth(stages: Stages, built: Structure, method: MethodSettings) -> Growth:

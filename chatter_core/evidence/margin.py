@@ -100,7 +100,7 @@ def crossing_lines(growth: Growth, curve: Indices, place: Array, crossing: Array
     slope, left = np.full((2, len(place)), np.nan)
     known = np.flatnonzero(np.isfinite(crossing))
     if len(known):
-        on, at, which, _ = _shared(curve, place, crossing, known)
+        on, at, which, _ = shared(curve, place, crossing, known)
         here, beside = np.split(growth(np.tile(on, 2), np.concatenate([at, at + SLOPE_STEP])), 2)
         smooth = np.maximum(np.abs(here), np.abs(beside - here)) <= LEAPS * SLOPE_STEP
         slope[known] = np.where(smooth, (beside - here) / SLOPE_STEP, np.inf)[which]
@@ -131,7 +131,7 @@ def followed_margins(
     known = np.flatnonzero(np.isfinite(crossing))
     if not len(known):
         return margin, crossing
-    on, before, which, first = _shared(curve, place, crossing, known)
+    on, before, which, first = shared(curve, place, crossing, known)
     steep, was = slope[known[first]], left[known[first]]
     leaps = np.flatnonzero(np.isinf(steep))
     asked = [before, before[leaps] - SLOPE_STEP, before[leaps] + SLOPE_STEP]
@@ -155,14 +155,16 @@ def followed_margins(
     return followed, after
 
 
-def _shared(curve: Indices, place: Array, crossing: Array, known: Indices) -> tuple[Indices, Array, Indices, Indices]:
+def shared(curve: Indices, place: Array, crossing: Array, known: Indices) -> tuple[Indices, Array, Indices, Indices]:
     """Return the distinct crossings of known cuts: curve and place (crossing,), which is whose, and whose is first.
 
     Cuts that share a crossing tell its place from their own, to the last digit but one.
+
+    See docs/physics.md#margin.
     """
     told = np.stack([curve[known], np.round(place[known] + crossing[known], 12)])
-    shared, first, which = np.unique(told, axis=1, return_index=True, return_inverse=True)
-    return shared[0].astype(np.intp), shared[1], which.ravel(), first
+    distinct, first, which = np.unique(told, axis=1, return_index=True, return_inverse=True)
+    return distinct[0].astype(np.intp), distinct[1], which.ravel(), first
 
 
 def _steady(growth: Array) -> Array:
