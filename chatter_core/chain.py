@@ -230,7 +230,7 @@ def repeating_forces(
 ) -> KnownForces | None:
     """Return the forces that repeat with the revolution at operating points, as ``milling_equation`` has these.
 
-    For stages that hardly differ, to begin from. None where teeth take like chips.
+    For stages that hardly differ, to begin from. None where teeth take like chips, or no motion is found.
 
     See docs/physics.md#forced-motion.
     """

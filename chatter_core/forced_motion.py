@@ -34,7 +34,7 @@ PATIENCE, NEARER = 4, 0.7
 NEAR_ZERO, TERMS = 0.5, 16
 #: Samples in a mean pitch while a motion is followed from none.
 COARSE = 8
-#: Forces that are off by this share of the largest have arrived: rounding.
+#: Forces that are off by this share of the largest have arrived.
 ARRIVED = 1e-9
 
 

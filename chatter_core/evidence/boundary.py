@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, distance_transform_edt
 
 from chatter_core.chain import Structure, structure
+from chatter_core.contact import KnownForces
 from chatter_core.errors import OwnLawFails
 from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.cuts import SMALLEST_RADIUS
@@ -21,7 +22,7 @@ from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.lobes import lobe_block
 from chatter_core.machine import Machine
-from chatter_core.stability import branches, critical_multipliers
+from chatter_core.stability import branches, critical_multipliers, known_forces
 from chatter_core.stages import Indices, Stages
 
 #: Speeds and depths of a field, and of the coarser one over which its deviation is known.
@@ -110,9 +111,19 @@ def deviation(
     around = slice(np.searchsorted(coarse_speed, own[0], side="right") - 1, np.searchsorted(coarse_speed, own[-1]) + 1)
     coarse = _deviation(model, machine, belief.about(model), coarse_speed[around], coarse_depth)
     place = np.stack(np.meshgrid(own, depth, indexing="ij"), axis=-1)
-    known = RegularGridInterpolator((coarse_speed[around], coarse_depth), coarse, bounds_error=False, fill_value=None)
+    axes = coarse_speed[around], coarse_depth
+    known = RegularGridInterpolator(axes, _without_holes(coarse), bounds_error=False, fill_value=None)
     # Above the coarse grid's first depth it is told by the slope from there, which may lead below none.
     return np.asarray(np.maximum(known(place), 0.0))
+
+
+def _without_holes(deviation: Array) -> Array:
+    """Return deviations (speed, depth) with those of the nearest cell where one is NaN, as one without an answer is."""
+    unknown = np.isnan(deviation)
+    if unknown.all():
+        return deviation
+    nearest = distance_transform_edt(unknown, return_distances=False, return_indices=True)
+    return np.asarray(deviation[tuple(nearest)])
 
 
 def setups(model: CampaignModel) -> list[tuple[Machine, Indices]]:
@@ -165,9 +176,10 @@ def _deviation(model: CampaignModel, machine: Machine, known: Belief, speed: Arr
     largest = np.nanmax(_moved(cells.select(few), growth[few], asides, correlation), initial=0.0)
     close = _close(growth.reshape(len(speed), len(depth)), ENOUGH * largest)
     near = np.flatnonzero(wanted & close.ravel())
-    deviation[near] = _moved(cells.select(near), growth[near], asides, correlation)
-    doubtful = np.flatnonzero((growth > 0.0) & (growth < DOUBTFUL * deviation))
-    sureness = _sureness(cells.select(doubtful), known.estimate, asides, correlation)
+    noted = cells.select(near).noting_forces(known.estimate)
+    deviation[near] = _moved(noted, growth[near], asides, correlation)
+    among = np.flatnonzero((growth[near] > 0.0) & (growth[near] < DOUBTFUL * deviation[near]))
+    sureness, doubtful = _sureness(noted.select(among), known.estimate, asides, correlation), near[among]
     deviation[doubtful] = np.minimum(deviation[doubtful], growth[doubtful] / sureness)
     return deviation.reshape(len(speed), len(depth))
 
@@ -230,17 +242,25 @@ def _sureness(
 
 @dataclass(frozen=True, kw_only=True)
 class _Cells:
-    """Cells of a field: at a speed [rad/s] by its index, and a depth [m]."""
+    """Cells of a field: at a speed [rad/s] by its index, and a depth [m].
+
+    forces: that repeat at values nearby, from which those at others are found.
+    """
 
     model: CampaignModel
     machine: Machine
     speed: Array
     index: Indices
     depth: Array
+    forces: KnownForces | None = None
 
     def select(self, kept: Indices) -> "_Cells":
         """Return some of the cells."""
         return replace(self, index=self.index[kept], depth=self.depth[kept])
+
+    def noting_forces(self, values: Array) -> "_Cells":
+        """Return the same cells with the forces that repeat in them at values (parameter,) that have an answer."""
+        return replace(self, forces=known_forces(*self._built(values), self.index, self.depth))
 
     def growth(self, values: Array) -> Array:
         """Return ln|mu| (cell,) at values (parameter,)."""
@@ -262,5 +282,5 @@ class _Cells:
             return growth, frequency
 
     def _built(self, values: Array) -> tuple[Stages, Structure]:
-        stages = self.model.stages(values, self.machine)
+        stages = replace(self.model.stages(values, self.machine), known_forces=self.forces)
         return stages, structure(stages, self.speed, mode_count=self.model.available(self.model.cut_modes))

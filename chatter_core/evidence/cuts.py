@@ -82,7 +82,7 @@ class CutPrediction:
     crossing: where that boundary lies, from the cut, NaN where none is in reach; slope: of ln|mu| per ln(depth) there,
     and left: what is left of ln|mu|, NaN as long as no prediction nearby has needed them; chatter_frequency [rad/s], of
     the critical motion, NaN where none was asked for; other_frequency (cut, other): of others that grow too, NaN where
-    there are none; share (cut, 1 + other): of each, and each of its lines, in the growth of all; runner_up: ln|mu| per
+    there are none; share (cut, 1 + other): of each in the growth of all; runner_up: ln|mu| per
     tooth period of the motion next to the critical one, NaN where unknown, and that of a prediction nearby where it was
     taken over; tooth_passing frequency and line_spacing of a motion [rad/s], the same where teeth are alike; solved:
     whether the bearings have an equilibrium. forces: that repeat in the cuts of a setup, by its first cut, where a
@@ -216,7 +216,7 @@ def predict_cuts(
         found.chatter_frequency[one] = critical.chatter_frequency
     if len(several):
         told = motions(stages, built, setup.speed_index[several], at[several], method, 1 + OTHERS)
-        _hear(found, several, stages.passages.repeat, *told)
+        _hear(found, several, *told)
     return found
 
 
@@ -232,20 +232,14 @@ def unanswered_cuts(setup: Setup, built: Structure) -> CutPrediction:
     return CutPrediction(margin=margin, crossing=crossing, slope=slope, left=left, solved=solved, **silent)
 
 
-def _hear(found: CutPrediction, heard: Indices, repeat: int, critical: Array, growth: Array, frequency: Array) -> None:
-    """Fill in what is heard in some of the cuts (heard,), by what ``motions`` tells of them.
-
-    repeat: tooth periods until teeth repeat.
-    """
+def _hear(found: CutPrediction, heard: Indices, critical: Array, growth: Array, frequency: Array) -> None:
+    """Fill in what is heard in some of the cuts (heard,), by what ``motions`` tells of them."""
     found.chatter_frequency[heard] = critical
     found.runner_up[heard] = growth[:, 1]
     grows = np.nan_to_num(growth, nan=0.0, neginf=0.0).clip(min=0.0)
     # Where nothing grows, at a crossing, it is the critical motion that would.
     grows[~grows.any(axis=1), 0] = 1.0
-    share = grows / grows.sum(axis=1, keepdims=True)
-    # Which of its lines between two tooth passings is the strongest is known of the critical motion alone.
-    share[:, 1:] /= repeat
-    found.share[heard] = share
+    found.share[heard] = grows / grows.sum(axis=1, keepdims=True)
     found.other_frequency[heard] = np.where(grows > 0.0, frequency, np.nan)[:, 1:]
 
 

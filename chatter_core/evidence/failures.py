@@ -19,7 +19,7 @@ from chatter_core.evidence.measured import DIRECTIONS, OUTCOMES, Trials
 from chatter_core.evidence.measured_rows import rows_of
 from chatter_core.evidence.nuisances import TYPICAL_MARGINAL_WIDTH, TYPICAL_MISLABELLED, TYPICAL_OUTCOME_WIDTH
 from chatter_core.evidence.parameters import Array
-from chatter_core.evidence.prediction import CampaignModel
+from chatter_core.evidence.prediction import CampaignModel, Prediction
 from chatter_core.evidence.receptance_bands import Misfit, misfits
 from chatter_core.stability import TOO_SLOW
 from chatter_core.units import si_factor
@@ -81,7 +81,7 @@ def failures(model: CampaignModel, compared: Compared, dominant_mode: Array, fit
     found = [*_of_trials(campaign, compared, dominant_mode, fit, unresolved)]
     found += [*_of_tables(campaign, compared, unresolved), *_of_unresolved(campaign, unresolved)]
     found += _without_limit(campaign, compared)
-    found += [_of_response(misfit) for misfit in misfits(campaign, compared.prediction)] if campaign.receptances else []
+    found += _of_responses(campaign, compared.prediction)
     found += _of_pulls(fit) if fit is not None else []
     return sorted(found, key=lambda failure: (failure.chance, -failure.excess))
 
@@ -300,7 +300,18 @@ def _sentence(data: _Data, band: Band, where: str) -> str:
     )
 
 
-def _of_response(misfit: Misfit) -> Failure:
+def _of_responses(campaign: Campaign, prediction: Prediction) -> Iterator[Failure]:
+    """Yield the bands in which responses differ by more than noise, and responses that have no answer."""
+    if not campaign.receptances:
+        return
+    yield from (_of_misfit(misfit) for misfit in misfits(campaign, prediction))
+    for measured, predicted in zip(campaign.receptances, prediction.receptances, strict=True):
+        if np.isnan(predicted).all():
+            text = f"The model has no answer for receptance {measured}; it counts as wrong."
+            yield Failure(quantity="receptance", band={"receptance": str(measured)}, excess=1.0, chance=0.0, text=text)
+
+
+def _of_misfit(misfit: Misfit) -> Failure:
     return Failure(
         quantity="receptance",
         band={

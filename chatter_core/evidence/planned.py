@@ -9,9 +9,10 @@ from scipy.special import expit
 from chatter_core.evidence.belief import Belief
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.measured import Trials
+from chatter_core.evidence.newton import LARGEST_DIFFERENCE
 from chatter_core.evidence.nuisances import TYPICAL_OUTCOME_WIDTH
 from chatter_core.evidence.parameters import Array, column
-from chatter_core.evidence.prediction import NEARBY, CampaignModel, Prediction
+from chatter_core.evidence.prediction import CampaignModel, Prediction
 from chatter_core.variables import STATUS
 
 #: Differences are taken over this share of a parameter's standard deviation, within what can be followed.
@@ -83,7 +84,7 @@ def _margin_deviation(model: CampaignModel, known: Belief, near: Prediction) -> 
     for index, parameter in enumerate(model.parameters):
         aside = known.estimate.copy()
         if parameter.touches != "measurement" and known.deviation[index] > 0.0:
-            step = min(STEP * known.deviation[index], NEARBY * width[index])
+            step = min(STEP * known.deviation[index], LARGEST_DIFFERENCE * width[index])
             aside[index] += step if aside[index] + step <= parameter.upper else -step
         # A deviation that is lost in rounding is none.
         change = aside[index] - known.estimate[index]

@@ -75,7 +75,8 @@ class Prediction:
     def motions(self, heard: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
         """Return frequency and spacing of its lines [rad/s] of every motion that may be heard in some of the trials.
 
-        With them its share, (heard, motion) each: the critical one first, of which the strongest line is known.
+        With them its share, (heard, motion) each: the critical one first, of which alone it is known which of its lines
+        between two tooth passings is the strongest.
         """
         assert self.cuts is not None
         which = np.flatnonzero(heard)

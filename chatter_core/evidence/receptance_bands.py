@@ -39,7 +39,7 @@ def misfits(campaign: Campaign, prediction: Prediction) -> list[Misfit]:
 
     A band around a mode reaches halfway to its neighbours, and is judged where measured or predicted stands out of the
     noise, for a peak may stand where the model has none, and silence beside it says nothing. Lines weigh as they do in
-    a fit. Along an axis for which the model has no modes all lines are one band.
+    a fit. Along an axis for which the model has no modes all lines are one band. A response without an answer has none.
 
     See docs/physics.md#comparison.
     """
@@ -48,6 +48,7 @@ def misfits(campaign: Campaign, prediction: Prediction) -> list[Misfit]:
     bands = [
         (measured, predicted, largest, weight, mode, lines)
         for measured, predicted, largest, weight in zip(responses, prediction.receptances, ranges, weights, strict=True)
+        if not np.isnan(predicted).all()
         for mode, lines in _loud_bands(measured, predicted, largest, prediction)
     ]
     found = []

@@ -7,6 +7,9 @@ from typing import cast
 import numpy as np
 import pytest
 
+from chatter_core import chain
+from chatter_core.contact import forced_contact
+from chatter_core.effects import variants
 from chatter_core.evidence import base_model, boundary
 from chatter_core.evidence.belief import PRIORS
 from chatter_core.evidence.boundary import _Cells, _sureness, deviation, sure_field
@@ -51,3 +54,53 @@ def test_bands_are_those_of_deviations_asked_everywhere(monkeypatch, widths: flo
     assert not (np.abs(found.growth) < 2.0 * found.deviation)[~inside].any()
     # What lies far from every band has cost nothing.
     assert (found.deviation == 0.0).mean() > (everywhere.deviation == 0.0).mean() + 0.1
+
+
+def test_motions_of_unlike_teeth_are_found_from_those_of_the_model_itself(monkeypatch) -> None:
+    """Those of every cell whose parameters are moved, and deviations are the same as with motions found from none."""
+    cuts = trials(np.array([6000.0, 9500.0]) * RPM, np.array([5e-3, 1.2e-2]))
+    model = base_model(campaign(tip_machine(), trials=cuts), variants("tool_runout"))
+    before = PRIORS.about(model)
+    runout = before.names.index("tool_runout.runout_um")
+    estimate = np.where(np.arange(len(before.names)) == runout, 60.0, before.estimate)
+    known = replace(before, estimate=estimate, deviation=0.3 * before.deviation)
+    grids, asked = ((24, 12), (16, 8)), []
+
+    def noted(*arguments):
+        cut, forces = arguments[0], arguments[-1]
+        asked.append(forces is not None and np.isfinite(forces.near(cut.spindle_speed, cut.axial_depth)).all())
+        return forced_contact(*arguments)
+
+    monkeypatch.setattr(chain, "forced_contact", noted)
+    found = deviation(model, known, 0, *grids)
+    # All but the cells where they are, those by which the largest deviation is known, and those that are noted.
+    assert sum(asked) >= sum(parameter.touches != "measurement" for parameter in model.parameters)
+    assert asked[-1]
+    monkeypatch.setattr(_Cells, "noting_forces", lambda cells, values: cells)
+    asked.clear()
+    fresh = deviation(model, known, 0, *grids)
+    assert not any(asked)
+    assert fresh.max() > 0.1
+    # Multipliers are known to 1e-7, and differences are taken over a thirtieth of a deviation.
+    np.testing.assert_allclose(found, fresh, atol=1e-5)
+
+
+def test_a_cell_without_a_deviation_leaves_none_of_its_neighbours_without(monkeypatch) -> None:
+    cuts = trials(np.linspace(3000.0, 5000.0, 6) * RPM, np.full(6, 4e-3))
+    model = base_model(campaign(tip_machine(), trials=cuts))
+    known = replace(PRIORS.about(model), deviation=0.1 * PRIORS.about(model).deviation)
+    whole, asked = boundary._deviation, (24, 12)
+
+    def holed(*arguments):
+        found = whole(*arguments)
+        found[np.unravel_index(np.argmax(found), found.shape)] = np.nan
+        return found
+
+    fresh = deviation(model, known, 0, (48, 24), asked)
+    monkeypatch.setattr(boundary, "_deviation", holed)
+    found = deviation(model, known, 0, (48, 24), asked)
+    assert np.isfinite(found).all()
+    # Of all cells those of the four coarse squares around the hole have changed.
+    assert 0 < (found != fresh).sum() <= 4 * 3 * 3
+    monkeypatch.setattr(boundary, "_deviation", lambda *arguments: np.full_like(whole(*arguments), np.nan))
+    assert np.isnan(deviation(model, known, 0, (48, 24), asked)).all()

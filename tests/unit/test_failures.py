@@ -14,7 +14,7 @@ from chatter_core.evidence.fit import fit
 from chatter_core.evidence.measured import OUTCOMES, BearingStiffness, Limits, NaturalFrequencies
 from chatter_core.evidence.verdict import failed_checks
 from chatter_core.machine import Machine
-from tests.synthetic import RPM, campaign, measured, receptance, tip_machine, trials
+from tests.synthetic import RPM, campaign, machine_of_modes, measured, receptance, tip_machine, trials
 
 SETS = 25
 LINES = np.linspace(300.0, 900.0, 121) * 2.0 * np.pi
@@ -151,6 +151,23 @@ def test_what_has_no_answer_is_said_to_have_none_and_no_size():
     assert found.quantity == "bearing_stiffness"
     assert found.text == "The model has no answer for 6 of 6 measured radial stiffnesses; they count as wrong."
     assert found.excess == 1.0
+
+
+@pytest.mark.parametrize("modes", [1, 3])
+def test_a_response_without_an_answer_is_said_to_have_none(modes):
+    asked = campaign(machine_of_modes(modes), receptances=(receptance(LINES), receptance(LINES, axis=1)))
+    model = base_model(asked)
+    responses = zip(asked.receptances, model.predict(model.nulls).receptances, strict=True)
+    made = replace(asked, receptances=tuple(replace(one, value=value) for one, value in responses))
+    comparison = Comparison(model=base_model(made))
+    compared = comparison.compare(comparison.model.nulls)
+    lost = np.full(len(LINES), np.nan + 0j)
+    compared = replace(
+        compared, prediction=replace(compared.prediction, receptances=(compared.prediction.receptances[0], lost))
+    )
+    (found,) = failures(comparison.model, compared, np.empty(0), None)
+    assert found.text == f"The model has no answer for receptance {made.receptances[1]}; it counts as wrong."
+    assert failed_checks([found]) == [found]
 
 
 @pytest.mark.parametrize("heard", [False, True])

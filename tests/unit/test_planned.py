@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chatter_core.evidence import base_model
+from chatter_core.evidence import base_model, prediction
 from chatter_core.evidence.belief import PRIORS, Belief
 from chatter_core.evidence.boundary import deviation, setups, sure_field
+from chatter_core.evidence.cuts import predict_cuts
 from chatter_core.evidence.measured import DIRECTIONS, Limits
 from chatter_core.evidence.nuisances import TYPICAL_OUTCOME_WIDTH
 from chatter_core.evidence.planned import planned_campaign, predict_planned
@@ -63,6 +64,23 @@ def test_a_deviation_that_rounding_loses_is_none():
     lost, none = (replace(belief, deviation=size * belief.deviation) for size in (1e-30, 0.0))
     assert np.array_equal(predict_planned(model, lost).margin_deviation, predict_planned(model, none).margin_deviation)
     assert np.array_equal(deviation(model, lost, 0, (8, 6), (4, 3)), deviation(model, none, 0, (8, 6), (4, 3)))
+
+
+@pytest.mark.parametrize("widths", [0.2, 1.0])
+def test_boundaries_are_followed_to_those_of_every_parameter_that_is_moved(widths, monkeypatch):
+    """However unsure it is: a difference never reaches beyond what hardly differs, whatever rounding does."""
+    model = base_model(planned_campaign(campaign(tip_machine()), plan()))
+    followed = []
+
+    def noted(*arguments):
+        followed.append(arguments[-1] is not None)
+        return predict_cuts(*arguments)
+
+    monkeypatch.setattr(prediction, "predict_cuts", noted)
+    belief = PRIORS.about(model)
+    predict_planned(model, replace(belief, deviation=widths * belief.deviation))
+    moved = sum(parameter.touches != "measurement" for parameter in model.parameters)
+    assert followed == [False, *moved * [True]]
 
 
 def test_an_error_of_the_model_makes_boundaries_as_uncertain_as_drawn_ones():

@@ -10,6 +10,7 @@ from chatter_core.contact import forced_contact
 from chatter_core.effects import variants
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Comparison, base_model, cuts
+from chatter_core.evidence.likelihood import chatter_frequency, to_lines
 from chatter_core.evidence.margin import LIMIT_REACH, REACH
 from chatter_core.evidence.measured import (
     DIRECTIONS,
@@ -231,6 +232,26 @@ def test_motions_of_unlike_teeth_are_found_from_those_nearby(reference_machine, 
     # Forces arrive at 1e-9 of the largest, and multipliers at 1e-7.
     for name in ("margin", "crossing", "chatter_frequency", "other_frequency", "share"):
         assert getattr(found, name) == pytest.approx(getattr(fresh, name), rel=1e-6, abs=1e-6, nan_ok=True), name
+
+
+def test_what_is_heard_of_unlike_teeth_has_a_density(reference_machine):
+    """From tooth passing to tooth passing it integrates to one, where several motions grow, too."""
+    count = 4
+    plan = trials(np.array([2500.0, 3000.0, 4500.0, 5000.0]) * RPM, np.full(count, 4e-3))
+    plan = replace(plan, chatter_frequency=np.full(count, 900.0 * 2.0 * np.pi))
+    model = base_model(campaign(reference_machine, trials=plan), variants("tool_runout"))
+    own = np.array([{"tool_runout.runout_um": 60.0}.get(p.name, p.null) for p in model.parameters])
+    frequency, spacing, share = model.predict(own).motions(np.ones(count, dtype=bool))
+    several = np.isfinite(frequency).sum(axis=1) > 1
+    assert several.sum() > 1
+    assert (spacing[several, 1] < spacing[several, 0]).all()
+    assert share.sum(axis=1) == pytest.approx(np.ones(count))
+    for lines, apart, shares in zip(frequency, spacing, share, strict=True):
+        heard, step = np.linspace(0.0, apart[0], 20000, endpoint=False, retstep=True)
+        residual = to_lines(heard[:, None], lines[None], apart[None])
+        told = chatter_frequency(residual, shares[None], np.full(len(heard), 20.0), np.tile(apart, (len(heard), 1)))
+        # Steps of a twentieth of the narrowest line: sums of smooth periodic functions are exact.
+        assert np.exp(told.log_density).sum() * step == pytest.approx(1.0, abs=1e-3)
 
 
 def test_sensors_show_gain_phase_and_frequency_scale():
