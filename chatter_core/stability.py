@@ -17,7 +17,7 @@ from chatter_core.floquet import (
     FloquetSolution,
     MethodSettings,
     analyse,
-    analyse_with_leading,
+    analyse_leading,
     critical_multiplier,
     leading_multipliers,
 )
@@ -138,7 +138,8 @@ def branches(
     with stages.blaming():
         for points, equation in _equations(stages, built, speed_index, axial_depth, method):
             found = leading_multipliers(equation, method, count)
-            growth[points], frequency[points] = _grows(stages, equation, found)
+            growth[points] = np.log(np.abs(per_tooth(found, stages.passages.repeat)))
+            frequency[points] = np.abs(np.angle(found)) / equation.period[:, None]
     return growth, frequency
 
 
@@ -149,20 +150,22 @@ def motions(
     axial_depth: Array,
     method: MethodSettings,
     count: int,
-) -> tuple[Array, Array, Array]:
-    """Return the chatter frequency [rad/s] as ``evaluate`` has it (point,), and what ``branches`` does.
+) -> tuple[Array, Array]:
+    """Return ln|mu| and chatter frequency [rad/s] of the motions of so many multipliers, (point, count) each.
 
-    Together they cost hardly more than either.
+    The largest comes first, as ``evaluate`` has it; both are NaN where there are fewer. A motion is heard at its
+    strongest line.
 
     See docs/physics.md#critical-multiplier.
     """
-    chatter, (growth, frequency) = np.full(len(axial_depth), np.nan), np.full((2, len(axial_depth), count), np.nan)
+    growth, frequency = np.full((2, len(axial_depth), count), np.nan)
     with stages.blaming():
         for points, equation in _equations(stages, built, speed_index, axial_depth, method):
-            solution, found = analyse_with_leading(equation, method, count)
-            chatter[points] = np.where(solution.converged, _strongest_line(solution), np.nan)
-            growth[points], frequency[points] = _grows(stages, equation, found)
-    return chatter, growth, frequency
+            for which, motion in enumerate(analyse_leading(equation, method, count)):
+                found = np.where(motion.converged, motion.multiplier, np.nan)
+                growth[points, which] = np.log(np.abs(per_tooth(found, stages.passages.repeat)))
+                frequency[points, which] = np.where(motion.converged, _strongest_line(motion), np.nan)
+    return growth, frequency
 
 
 def known_forces(
@@ -197,12 +200,6 @@ def _equations(
     candidates, resolved = _candidates(stages, built, speed_index, refinement, status)
     for points in _batches(candidates, resolved + len(stages.passages), method):
         yield points, milling_equation(stages, built, speed_index[points], axial_depth[points])
-
-
-def _grows(stages: Stages, equation: DelayEquation, multiplier: ComplexArray) -> tuple[Array, Array]:
-    """Return ln|mu| per tooth period and frequency [rad/s] of multipliers (point, count)."""
-    growth = np.log(np.abs(per_tooth(multiplier, stages.passages.repeat)))
-    return growth, np.abs(np.angle(multiplier)) / equation.period[:, None]
 
 
 def per_tooth(multiplier: ComplexArray, tooth_periods: int) -> ComplexArray:
@@ -301,7 +298,7 @@ def _fill(
 
 
 def _strongest_line(solution: FloquetSolution) -> Array:
-    """Return the frequency of the strongest line of each critical motion (point,) [rad/s]."""
+    """Return the frequency of the strongest line of each motion (point,) [rad/s]."""
     strongest = square(solution.output).sum(axis=-1).argmax(axis=-1)
     return np.asarray(np.abs(solution.exponent[np.arange(len(strongest)), strongest].imag))
 

@@ -147,10 +147,10 @@ class Comparison(ShownAsCard):
         heard = np.isfinite(trials.chatter_frequency)
         if heard.any():
             measured = trials.chatter_frequency[heard]
-            frequency, spacing, share = prediction.motions(heard)
-            residual = likelihood.to_lines(measured[:, None], frequency, spacing)
+            frequency, share, tooth_passing = prediction.motions(heard)
+            residual = likelihood.to_lines(measured[:, None], frequency, tooth_passing[:, None])
             scale = likelihood.frequency_scale(measured, prediction.margin[heard])
-            found["chatter_frequency"] = likelihood.chatter_frequency(residual, share, scale, spacing)
+            found["chatter_frequency"] = likelihood.chatter_frequency(residual, share, scale, tooth_passing)
         return found
 
     def _of_receptances(self, prediction: Prediction) -> dict[str, Contribution]:

@@ -82,11 +82,10 @@ class CutPrediction:
     crossing: where that boundary lies, from the cut, NaN where none is in reach; slope: of ln|mu| per ln(depth) there,
     and left: what is left of ln|mu|, NaN as long as no prediction nearby has needed them; chatter_frequency [rad/s], of
     the critical motion, NaN where none was asked for; other_frequency (cut, other): of others that grow too, NaN where
-    there are none; share (cut, 1 + other): of each in the growth of all; runner_up: ln|mu| per
-    tooth period of the motion next to the critical one, NaN where unknown, and that of a prediction nearby where it was
-    taken over; tooth_passing frequency and line_spacing of a motion [rad/s], the same where teeth are alike; solved:
-    whether the bearings have an equilibrium. forces: that repeat in the cuts of a setup, by its first cut, where a
-    prediction nearby has needed them.
+    there are none; share (cut, 1 + other): of each in the growth of all; runner_up: ln|mu| per tooth period of the
+    motion next to the critical one, NaN where unknown, and that of a prediction nearby where it was taken over;
+    tooth_passing frequency [rad/s]; solved: whether the bearings have an equilibrium. forces: that repeat in the cuts
+    of a setup, by its first cut, where a prediction nearby has needed them.
     """
 
     margin: Array
@@ -98,7 +97,6 @@ class CutPrediction:
     share: Array
     runner_up: Array
     tooth_passing: Array
-    line_spacing: Array
     solved: NDArray[np.bool_]
     forces: dict[int, KnownForces | None] = field(default_factory=dict, init=False)
 
@@ -204,7 +202,6 @@ def predict_cuts(
     if not len(heard):
         return found
     found.tooth_passing[heard] = stages.machine.tool.teeth * built.spindle_speed[setup.speed_index[heard]]
-    found.line_spacing[heard] = found.tooth_passing[heard] / stages.passages.repeat
     where = where_it_chatters(margin, crossing)
     if near is not None:
         moved = np.abs(where - where_it_chatters(near.margin, near.crossing)[setup.points])
@@ -215,8 +212,7 @@ def predict_cuts(
         critical = evaluate(stages, built, setup.speed_index[one], at[one], method, np.ones(len(one)))
         found.chatter_frequency[one] = critical.chatter_frequency
     if len(several):
-        told = motions(stages, built, setup.speed_index[several], at[several], method, 1 + OTHERS)
-        _hear(found, several, *told)
+        _hear(found, several, *motions(stages, built, setup.speed_index[several], at[several], method, 1 + OTHERS))
     return found
 
 
@@ -228,13 +224,12 @@ def unanswered_cuts(setup: Setup, built: Structure) -> CutPrediction:
     margin, crossing, slope, left = np.full((4, len(setup.points)), np.nan)
     silent, solved = _silent(len(setup.points)), np.zeros(len(setup.points), dtype=bool)
     silent["tooth_passing"] = setup.machine.tool.teeth * built.spindle_speed[setup.speed_index]
-    silent["line_spacing"] = silent["tooth_passing"]
     return CutPrediction(margin=margin, crossing=crossing, slope=slope, left=left, solved=solved, **silent)
 
 
-def _hear(found: CutPrediction, heard: Indices, critical: Array, growth: Array, frequency: Array) -> None:
+def _hear(found: CutPrediction, heard: Indices, growth: Array, frequency: Array) -> None:
     """Fill in what is heard in some of the cuts (heard,), by what ``motions`` tells of them."""
-    found.chatter_frequency[heard] = critical
+    found.chatter_frequency[heard] = frequency[:, 0]
     found.runner_up[heard] = growth[:, 1]
     grows = np.nan_to_num(growth, nan=0.0, neginf=0.0).clip(min=0.0)
     # Where nothing grows, at a crossing, it is the critical motion that would.
@@ -253,7 +248,6 @@ def _silent(count: int) -> dict[str, Array]:
         "share": share,
         "runner_up": np.full(count, np.nan),
         "tooth_passing": np.full(count, np.nan),
-        "line_spacing": np.full(count, np.nan),
     }
 
 

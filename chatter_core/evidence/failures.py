@@ -179,10 +179,10 @@ def _frequencies(trials: Trials, compared: Compared, judged: NDArray[np.bool_]) 
     if not len(which) or not len(compared.prediction.chatter_frequency):
         return
     measured = trials.chatter_frequency[which]
-    frequency, spacing, share = compared.prediction.motions(heard)
-    residual = likelihood.to_lines(measured[:, None], frequency, spacing)
+    frequency, share, tooth_passing = compared.prediction.motions(heard)
+    residual = likelihood.to_lines(measured[:, None], frequency, tooth_passing[:, None])
     scale = likelihood.frequency_scale(measured, compared.prediction.margin[which])
-    apart, tooth_passing = np.abs(likelihood.heard_motion(residual, share, scale, spacing)[0]), spacing[:, 0]
+    apart = np.abs(likelihood.heard_motion(residual, share, scale, tooth_passing)[0])
     far = scipy.stats.t.ppf(1.0 - 0.5 * IMPROBABLE, likelihood.FREQUENCY_FREEDOM) * scale
     elsewhere = likelihood.FREQUENCY_ELSEWHERE * np.clip(1.0 - 2.0 * far / tooth_passing, 0.0, 1.0)
     yield _Data(

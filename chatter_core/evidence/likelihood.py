@@ -143,15 +143,14 @@ def heard_motion(residual: Array, share: Array, scale: Array, spacing: Array) ->
     """Return residual (trial,) to the line that was heard most probably, the density of all lines, and its slope by it.
 
     residual: (trial, motion, sign), of each motion that grows to the nearest line of either sign, as ``to_lines`` has
-    it; share: (trial, motion), how much of all growth is its own: any of them may be the loudest; scale: (trial,);
-    spacing: (trial, motion) [rad/s], the first that of the teeth: of lines that lie closer each is so much less likely.
-    Where the heard line moves that of the other sign moves as far to the other side.
+    it; share: (trial, motion), how much of all growth is its own: any of them may be the loudest; scale, spacing:
+    (trial,) [rad/s]. Where the heard line moves that of the other sign moves as far to the other side.
 
     See docs/physics.md#likelihoods.
     """
-    apart, width = (np.broadcast_to(one, residual.shape) for one in (spacing[:, :, None], scale[:, None, None]))
+    apart, width = (np.broadcast_to(one[:, None, None], residual.shape) for one in (spacing, scale))
     density, slope = wrapped_student(residual, width, apart)
-    weight, trial = (0.5 * share * spacing / spacing[:, :1])[:, :, None], np.arange(len(residual))
+    weight, trial = 0.5 * share[:, :, None], np.arange(len(residual))
     motion, sign = np.unravel_index((weight * density).reshape(len(residual), -1).argmax(axis=1), residual.shape[1:])
     own = (weight * slope)[trial, motion]
     together = (weight * density).sum(axis=(1, 2))
@@ -168,7 +167,7 @@ def chatter_frequency(residual: Array, share: Array, scale: Array, spacing: Arra
     """
     freedom, elsewhere = FREQUENCY_FREEDOM, FREQUENCY_ELSEWHERE
     heard, nearby, slope = heard_motion(residual, share, scale, spacing)
-    density = (1.0 - elsewhere) * nearby + elsewhere / spacing[:, 0]
+    density = (1.0 - elsewhere) * nearby + elsewhere / spacing
     # Expected information of a location: (freedom + 1) / (freedom + 3) over the scale squared, for those that tell it.
     unit = np.sqrt((1.0 - elsewhere) * (freedom + 1.0) / (freedom + 3.0)) / scale
     score = (1.0 - elsewhere) * slope / density

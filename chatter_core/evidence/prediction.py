@@ -73,17 +73,14 @@ class Prediction:
         return self.cuts.chatter_frequency[: self.trials] if self.cuts is not None else np.empty(0)
 
     def motions(self, heard: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
-        """Return frequency and spacing of its lines [rad/s] of every motion that may be heard in some of the trials.
+        """Return frequency [rad/s] and share of every motion that may be heard in some of the trials (heard, motion).
 
-        With them its share, (heard, motion) each: the critical one first, of which alone it is known which of its lines
-        between two tooth passings is the strongest.
+        The critical one comes first. With them the tooth passing frequency (heard,) [rad/s].
         """
         assert self.cuts is not None
         which = np.flatnonzero(heard)
         frequency = np.column_stack([self.cuts.chatter_frequency[which], self.cuts.other_frequency[which]])
-        spacing = np.repeat(self.cuts.line_spacing[which, None], frequency.shape[1], axis=1)
-        spacing[:, 0] = self.cuts.tooth_passing[which]
-        return frequency, spacing, self.cuts.share[which]
+        return frequency, self.cuts.share[which], self.cuts.tooth_passing[which]
 
     @property
     def limit_margin(self) -> Array:

@@ -3,7 +3,7 @@
 from chatter_core.floquet.analysis import (
     FloquetSolution,
     analyse,
-    analyse_with_leading,
+    analyse_leading,
     critical_motion,
     critical_multiplier,
     leading_multipliers,
@@ -20,7 +20,7 @@ __all__ = [
     "MethodSettings",
     "Spectrum",
     "analyse",
-    "analyse_with_leading",
+    "analyse_leading",
     "critical_motion",
     "critical_multiplier",
     "leading_multipliers",

@@ -1,4 +1,4 @@
-"""Harmonics of the critical motion, from the feedback force that goes with it.
+"""Harmonics of a motion, from the feedback force that goes with it.
 
 The motion is p(t) exp(ln(mu) t / T) with periodic p, so with the force's harmonics F_j
 
@@ -8,7 +8,7 @@ The motion is p(t) exp(ln(mu) t / T) with periodic p, so with the force's harmon
 import numpy as np
 
 from chatter_core.floquet.equation import ComplexArray, DelayEquation
-from chatter_core.floquet.multipliers import CriticalMotion
+from chatter_core.floquet.multipliers import FloquetMotion
 from chatter_core.jit import compiled
 
 #: Harmonics are kept up to this multiple of the fastest pole.
@@ -18,7 +18,7 @@ EDGE, WIDENINGS = 0.75, 4
 
 
 def harmonics(
-    equation: DelayEquation, multiplier: ComplexArray, critical: CriticalMotion
+    equation: DelayEquation, multiplier: ComplexArray, motion: FloquetMotion
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """Return exponents s_j (point, harmonic) [1/s], states X_j (.., state) and outputs C X_j (.., output).
 
@@ -37,11 +37,12 @@ def harmonics(
         state = np.zeros((*exponent.shape, driven.shape[1]), dtype=complex)
         output = np.zeros((*exponent.shape, system.output_matrix.shape[1]), dtype=complex)
         _respond(
-            exponent, reach, equation.period, critical.time, critical.weight, np.ascontiguousarray(critical.force),
+            exponent, reach, equation.period, motion.time, motion.weight, np.ascontiguousarray(motion.force),
             which, system.spectrum.poles, system.spectrum.modes, driven, system.output_matrix, state, output,
         )  # fmt: skip
-        strongest = np.abs(order[square(output).sum(axis=-1).argmax(axis=-1)])
-        near_edge = strongest > EDGE * reach
+        lines = square(output).sum(axis=-1)
+        # Nothing moves without a force: none of its lines is the strongest.
+        near_edge = (np.abs(order[lines.argmax(axis=-1)]) > EDGE * reach) & lines.any(axis=-1)
         if widening == WIDENINGS or not near_edge.any():
             break
         reach = np.where(near_edge, 2 * reach, reach)

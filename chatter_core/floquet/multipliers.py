@@ -11,7 +11,7 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_core.floquet.ritz import dominant_pair, leading_values
+from chatter_core.floquet.ritz import dominant_pair, leading_pairs
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -61,8 +61,8 @@ class Monodromy(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CriticalMultiplier:
-    """Multiplier of largest modulus (point,) and its vector (point, size).
+class Multiplier:
+    """A multiplier (point,) of each point and its vector (point, size).
 
     Of a complex pair it is the one with positive angle. ``converged`` (point,) is False where the
     value did not settle.
@@ -74,8 +74,8 @@ class CriticalMultiplier:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CriticalMotion:
-    """Critical multiplier (point,) and the feedback force of its motion over one period.
+class FloquetMotion:
+    """A multiplier (point,) of each point and the feedback force of its motion over one period.
 
     ``converged`` (point,) is False where the multiplier did not settle; time, weight: (point, sample)
     [s], of a quadrature over the period; force: (point, sample, input), to any complex scale.
@@ -90,24 +90,26 @@ class CriticalMotion:
 
 def critical_motion(
     monodromy: Monodromy, residual_tolerance: float = RESIDUAL_TOLERANCE, known: Krylov | None = None
-) -> CriticalMotion:
+) -> FloquetMotion:
     """Return the critical multiplier of every point and the force of its motion.
 
     known: as ``critical_multiplier`` takes it.
 
     See docs/physics.md#critical-multiplier.
     """
-    critical = critical_multiplier(monodromy, residual_tolerance, known)
+    return _motion(monodromy, critical_multiplier(monodromy, residual_tolerance, known))
+
+
+def _motion(monodromy: Monodromy, found: Multiplier) -> FloquetMotion:
+    """Return a multiplier with the force of its motion."""
     with np.errstate(over="ignore", invalid="ignore"):
-        time, weight, force = monodromy.force(critical.vector)
-    return CriticalMotion(
-        multiplier=critical.value, converged=critical.converged, time=time, weight=weight, force=force
-    )
+        time, weight, force = monodromy.force(found.vector)
+    return FloquetMotion(multiplier=found.value, converged=found.converged, time=time, weight=weight, force=force)
 
 
 def critical_multiplier(
     monodromy: Monodromy, residual_tolerance: float = RESIDUAL_TOLERANCE, known: Krylov | None = None
-) -> CriticalMultiplier:
+) -> Multiplier:
     """Return the multiplier of largest modulus of every point.
 
     known: a Krylov space of all points, which is tested first and gone on from.
@@ -125,7 +127,7 @@ def critical_multiplier(
         return _critical_multiplier(monodromy, residual_tolerance, known)
 
 
-def _critical_multiplier(monodromy: Monodromy, residual_tolerance: float, known: Krylov | None) -> CriticalMultiplier:
+def _critical_multiplier(monodromy: Monodromy, residual_tolerance: float, known: Krylov | None) -> Multiplier:
     points, size = monodromy.shape
     value = np.zeros(points, dtype=complex)
     vector = np.zeros((points, size), dtype=complex)
@@ -145,7 +147,7 @@ def _critical_multiplier(monodromy: Monodromy, residual_tolerance: float, known:
         known = basis[unsettled], hessenberg[unsettled]
     # A value of exactly zero is what is left of vectors that overflowed.
     converged = (residual <= residual_tolerance * np.abs(value)) & (value != 0.0) & np.isfinite(value)
-    return CriticalMultiplier(value=value, vector=vector, converged=converged)
+    return Multiplier(value=value, vector=vector, converged=converged)
 
 
 def _felt(monodromy: Monodromy) -> int:
@@ -170,19 +172,29 @@ def leading_multipliers(monodromy: Monodromy, count: int, residual_tolerance: fl
     See docs/physics.md#critical-multiplier.
     """
     _, hessenberg = _wide_krylov(monodromy)
-    return leading_values(hessenberg, count, residual_tolerance)
+    return leading_pairs(hessenberg, count, residual_tolerance)[0]
 
 
-def critical_motion_and_leading(
+def leading_motions(
     monodromy: Monodromy, count: int, residual_tolerance: float, leading_tolerance: float
-) -> tuple[CriticalMotion, ComplexArray]:
-    """Return what ``critical_motion`` and ``leading_multipliers`` do, each with its tolerance, from one Krylov space.
+) -> list[FloquetMotion]:
+    """Return the motions of so many multipliers of largest modulus, from one Krylov space.
+
+    The first is what ``critical_motion`` finds; the others are as ``leading_multipliers`` has them, with a tolerance of
+    their own, and have not converged where there are fewer.
 
     See docs/physics.md#critical-multiplier.
     """
-    known = _wide_krylov(monodromy)
-    leading = leading_values(known[1], count, leading_tolerance)
-    return critical_motion(monodromy, residual_tolerance, known), leading
+    basis, hessenberg = _wide_krylov(monodromy)
+    values, coordinates = leading_pairs(hessenberg, count, leading_tolerance)
+    found = np.isfinite(values)
+    vectors = np.asarray(np.where(found[..., None], coordinates, 0j) @ basis[:, :-1], dtype=complex)
+    others = [
+        Multiplier(value=values[:, which], vector=vectors[:, which], converged=found[:, which])
+        for which in range(1, count)
+    ]
+    critical = critical_motion(monodromy, residual_tolerance, (basis, hessenberg))
+    return [critical, *(_motion(monodromy, other) for other in others)]
 
 
 def _wide_krylov(monodromy: Monodromy) -> Krylov:

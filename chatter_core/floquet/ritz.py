@@ -51,21 +51,23 @@ def dominant_pair(basis: Array, hessenberg: Array, tolerance: float) -> tuple[Co
     return value, vector, residual
 
 
-def leading_values(hessenberg: Array, count: int, tolerance: float) -> ComplexArray:
-    """Return the Ritz values of largest modulus (point, count), descending, one of each complex pair.
+def leading_pairs(hessenberg: Array, count: int, tolerance: float) -> tuple[ComplexArray, ComplexArray]:
+    """Return the Ritz values of largest modulus (point, count) and their vectors (point, count, steps) in the space.
 
-    hessenberg: (point, steps + 1, steps); zeros are left out, and those whose residual exceeds the tolerance, relative
-    to the modulus; NaN stands where fewer are left.
+    Descending, one of each complex pair. hessenberg: (point, steps + 1, steps); zeros are left out, and those whose
+    residual exceeds the tolerance, relative to the modulus; NaN stands where fewer are left.
 
     See docs/physics.md#critical-multiplier.
     """
-    found = np.full((len(hessenberg), count), np.nan, dtype=complex)
-    _leading_values(hessenberg, tolerance, found)
-    return found
+    points, _, steps = hessenberg.shape
+    found = np.full((points, count), np.nan, dtype=complex)
+    vectors = np.full((points, count, steps), np.nan, dtype=complex)
+    _leading_pairs(hessenberg, tolerance, found, vectors)
+    return found, vectors
 
 
 @compiled
-def _leading_values(hessenberg, tolerance, found):  # type: ignore[no-untyped-def]
+def _leading_pairs(hessenberg, tolerance, found, vectors):  # type: ignore[no-untyped-def]
     size = hessenberg.shape[2]
     for p in range(len(found)):
         real, imaginary = _eigenvalues(hessenberg[p], size)
@@ -76,9 +78,9 @@ def _leading_values(hessenberg, tolerance, found):  # type: ignore[no-untyped-de
                 break
             if imaginary[i] < 0.0:
                 continue
-            residual = hessenberg[p, size, size - 1] * abs(_eigenvector(hessenberg[p], size, value)[size - 1])
-            if residual <= tolerance * abs(value):
-                found[p, taken] = value
+            vector = _eigenvector(hessenberg[p], size, value)
+            if hessenberg[p, size, size - 1] * abs(vector[size - 1]) <= tolerance * abs(value):
+                found[p, taken], vectors[p, taken] = value, vector
                 taken += 1
 
 

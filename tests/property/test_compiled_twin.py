@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from chatter_core.floquet import (
     MethodSettings,
     analyse,
-    analyse_with_leading,
+    analyse_leading,
     collocation,
     compiled,
 )
@@ -74,15 +74,18 @@ def test_leading_multipliers_are_the_eigenvalues_of_the_map():
     assert np.abs(found) == pytest.approx(np.sort(np.abs(exact))[::-1][:2], rel=1e-4)
 
 
-def test_one_space_tells_the_critical_motion_and_the_multipliers_beside_it():
+def test_one_space_tells_the_critical_motion_and_those_beside_it():
     """Of cuts from idle to deep, what either finds by itself."""
     method = MethodSettings(name="collocation", tolerance=1e-4)
     problem = milling_benchmark(
         direction="down", immersion=0.5, rpm=[6000.0] * 3, depth_mm=[0.05, 0.8, 4.0], axes=(0, 1)
     )
-    alone, (together, leading) = analyse(problem, method), analyse_with_leading(problem, method, 3)
+    alone, (together, *beside) = analyse(problem, method), analyse_leading(problem, method, 3)
+    leading = leading_of(problem, method, 3)
     # The same space is read for those beside it.
-    assert np.array_equal(leading, leading_of(problem, method, 3), equal_nan=True)
+    for which, motion in enumerate(beside, start=1):
+        known = np.where(motion.converged, motion.multiplier, np.nan)
+        assert np.array_equal(known, leading[:, which], equal_nan=True)
     assert together.converged.all()
     # Each pair has a residual of at most 1e-7, and lines are as exact as their multiplier.
     assert together.multiplier == pytest.approx(alone.multiplier, rel=1e-5)
