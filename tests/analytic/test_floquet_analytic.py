@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 
 from chatter_core.errors import UnsupportedEquation
-from chatter_core.floquet import DelayedFeedback, DelayEquation, LinearSystem, MethodSettings, analyse, collocation
+from chatter_core.floquet import (
+    DelayedFeedback,
+    DelayEquation,
+    LinearSystem,
+    MethodSettings,
+    analyse,
+    analyse_leading,
+    collocation,
+)
 from chatter_core.floquet.collocation import NODES, SERIES_TERMS, gauss, integral_series
 from tests.conftest import COLLOCATION, milling_benchmark, oscillator
 
@@ -34,6 +42,27 @@ def test_turning_least_limit_is_two_k_zeta_one_plus_zeta(lobe):
     assert abs(solution.multiplier[0]) == pytest.approx(1.0, abs=1e-6)
     strongest = np.abs(solution.output[0, :, 0]).argmax()
     assert abs(solution.exponent[0, strongest].imag) == pytest.approx(chatter, rel=1e-6)
+
+
+def test_motions_of_turning_are_roots_of_its_characteristic_equation_whatever_the_period_is_taken_for():
+    """Of each motion one line is a root of m s^2 + c s + k + K (1 - exp(-s tau)), and it is the only one there is.
+
+    Over four turns multipliers leave four lines to choose from in each of them.
+    """
+    natural, zeta, mass, delay = 2.0 * math.pi * 300.0, 0.03, 1.3, 0.013
+    gain = 0.6 * mass * natural**2
+    equation = oscillator(frequency=natural, damping=zeta, mass=mass, gain=gain, period=delay)
+    found = []
+    for period in (delay, 4.0 * delay):
+        motions = analyse_leading(replace(equation, period=np.array([period])), COLLOCATION, 3)
+        assert all(motion.converged[0] for motion in motions)
+        root = np.array([motion.exponent[0, np.abs(motion.output[0, :, 0]).argmax()] for motion in motions])
+        left = root**2 + 2.0 * zeta * natural * root + natural**2 + gain / mass * (1.0 - np.exp(-root * delay))
+        # Multipliers beside the critical one have a residual of at most 1e-3, and s that over the period.
+        assert np.abs(left) / natural**2 == pytest.approx(np.zeros(3), abs=2e-3)
+        found.append(root.real + 1j * np.abs(root.imag))
+    assert (found[0].real > 0.0).all()
+    assert found[1] == pytest.approx(found[0], abs=1e-3 / delay)
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
