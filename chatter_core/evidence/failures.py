@@ -305,8 +305,8 @@ def _of_responses(campaign: Campaign, prediction: Prediction) -> Iterator[Failur
     if not campaign.receptances:
         return
     yield from (_of_misfit(misfit) for misfit in misfits(campaign, prediction))
-    for measured, predicted in zip(campaign.receptances, prediction.receptances, strict=True):
-        if np.isnan(predicted).all():
+    for measured, lost in zip(campaign.receptances, prediction.lost, strict=True):
+        if lost:
             text = f"The model has no answer for receptance {measured}; it counts as wrong."
             yield Failure(quantity="receptance", band={"receptance": str(measured)}, excess=1.0, chance=0.0, text=text)
 

@@ -88,11 +88,17 @@ class Prediction:
         return self.cuts.margin[self.trials :] if self.cuts is not None else np.empty(0)
 
     @property
+    def lost(self) -> tuple[bool, ...]:
+        """Which of the receptances the model has no answer for."""
+        return tuple(bool(np.isnan(response).all()) for response in self.receptances)
+
+    @property
     def failed(self) -> int:
         """How many measured cuts, responses, modes and stiffnesses the model could not answer."""
         cuts = self.cuts.margin if self.cuts is not None else np.empty(0)
-        lost = sum(bool(np.isnan(response).all()) for response in self.receptances)
-        return lost + sum(int(np.isnan(array).sum()) for array in (cuts, self.natural_frequency, self.radial_stiffness))
+        return sum(self.lost) + sum(
+            int(np.isnan(array).sum()) for array in (cuts, self.natural_frequency, self.radial_stiffness)
+        )
 
     @property
     def asked(self) -> int:

@@ -47,8 +47,10 @@ def misfits(campaign: Campaign, prediction: Prediction) -> list[Misfit]:
     weights = likelihood.line_weights([one.value for one in responses], ranges)
     bands = [
         (measured, predicted, largest, weight, mode, lines)
-        for measured, predicted, largest, weight in zip(responses, prediction.receptances, ranges, weights, strict=True)
-        if not np.isnan(predicted).all()
+        for measured, predicted, lost, largest, weight in zip(
+            responses, prediction.receptances, prediction.lost, ranges, weights, strict=True
+        )
+        if not lost
         for mode, lines in _loud_bands(measured, predicted, largest, prediction)
     ]
     found = []

@@ -186,12 +186,12 @@ def leading_motions(
     See docs/physics.md#critical-multiplier.
     """
     basis, hessenberg = _wide_krylov(monodromy)
-    values, coordinates = leading_pairs(hessenberg, count, leading_tolerance)
+    values, coordinates = (one[:, 1:] for one in leading_pairs(hessenberg, count, leading_tolerance))
     found = np.isfinite(values)
     vectors = np.asarray(np.where(found[..., None], coordinates, 0j) @ basis[:, :-1], dtype=complex)
     others = [
         Multiplier(value=values[:, which], vector=vectors[:, which], converged=found[:, which])
-        for which in range(1, count)
+        for which in range(count - 1)
     ]
     critical = critical_motion(monodromy, residual_tolerance, (basis, hessenberg))
     return [critical, *(_motion(monodromy, other) for other in others)]

@@ -89,18 +89,18 @@ def test_a_cell_without_a_deviation_leaves_none_of_its_neighbours_without(monkey
     cuts = trials(np.linspace(3000.0, 5000.0, 6) * RPM, np.full(6, 4e-3))
     model = base_model(campaign(tip_machine(), trials=cuts))
     known = replace(PRIORS.about(model), deviation=0.1 * PRIORS.about(model).deviation)
-    whole, asked = boundary._deviation, (24, 12)
+    whole, grids = boundary._deviation, ((48, 24), (24, 12))
 
     def holed(*arguments):
         found = whole(*arguments)
         found[np.unravel_index(np.argmax(found), found.shape)] = np.nan
         return found
 
-    fresh = deviation(model, known, 0, (48, 24), asked)
+    fresh = deviation(model, known, 0, *grids)
     monkeypatch.setattr(boundary, "_deviation", holed)
-    found = deviation(model, known, 0, (48, 24), asked)
+    found = deviation(model, known, 0, *grids)
     assert np.isfinite(found).all()
     # Of all cells those of the four coarse squares around the hole have changed.
     assert 0 < (found != fresh).sum() <= 4 * 3 * 3
     monkeypatch.setattr(boundary, "_deviation", lambda *arguments: np.full_like(whole(*arguments), np.nan))
-    assert np.isnan(deviation(model, known, 0, (48, 24), asked)).all()
+    assert np.isnan(deviation(model, known, 0, *grids)).all()
