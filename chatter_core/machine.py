@@ -250,6 +250,13 @@ class Spindle(Description):
         """Length of the rotor [m]."""
         return sum(section.length for section in self.sections)
 
+    @property
+    def seat_places(self) -> tuple[float, ...]:
+        """Place of every seat between the front one, 0, and the rearmost, 1."""
+        positions = [seat.position for seat in self.bearings]
+        front, rearmost = min(positions), max(positions)
+        return tuple((position - front) / (rearmost - front) for position in positions)
+
     @model_validator(mode="after")
     def _seats_and_discs_on_the_rotor(self) -> Self:
         for key, places in (

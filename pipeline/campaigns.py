@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from chatter_core.effects import Effect, effect_class
+from chatter_core.effects import Effect, activate, effect_class
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Campaign, CampaignModel, Responses, base_model, read_campaign
 from chatter_core.evidence.belief import PRIORS, Belief
@@ -237,12 +237,13 @@ def _as_configured(settings: Settings) -> Belief:
     configured, own = settings.effects, settings.effects_path
     if not configured:
         return PRIORS
-    pairs = [(name, parameter) for name in configured for parameter in effect_class(name, own).declared]
+    active = [activate(name, values, own) for name, values in configured.items()]
+    parameters = [parameter for one in active for parameter in one.effect.parameters]
     return Belief(
-        names=tuple(f"{name}.{parameter.name}" for name, parameter in pairs),
-        estimate=np.array([float(configured[name][parameter.name]) for name, parameter in pairs]),
-        deviation=np.array([parameter.searched_by for _, parameter in pairs]),
-        correlation=np.eye(len(pairs)),
+        names=tuple(parameter.name for parameter in parameters),
+        estimate=np.concatenate([one.values for one in active]),
+        deviation=np.array([parameter.searched_by for parameter in parameters]),
+        correlation=np.eye(len(parameters)),
     )
 
 

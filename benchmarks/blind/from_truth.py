@@ -85,7 +85,9 @@ def _damping(hidden: Hidden, machine: Machine) -> Beginning:
 
 def _asymmetry(hidden: Hidden, machine: Machine) -> Beginning:
     share = hidden.front_seat_y_m_n / seat_compliance(machine)
-    losses = [{"stiffness_loss": math.log(1.0 + part * share)} for part in (0.3, 1.0)]
+    # A rear seat that does not give at all is one that gives a twentieth: the program's law goes no lower.
+    difference = math.log(max(hidden.rear_seat_y_share, 0.05))
+    losses = [{"stiffness_loss": math.log(1.0 + part * share), "rear_difference": difference} for part in (0.3, 1.0)]
     return _beginning(*losses, where="seats", axis="y")
 
 

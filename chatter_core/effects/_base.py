@@ -80,7 +80,7 @@ class Effect(ShownAsCard, ABC):
     def card(self) -> Card:
         """Return its stage, what was chosen, and its parameters with their bounds."""
         chosen = "".join(f", {setting.name} {getattr(self, setting.name)}" for setting in self.settings)
-        rows = tuple((one.name, one.doc, f"{one.lower:g} to {one.upper:g}", f"{one.null:g}") for one in self.declared)
+        rows = tuple((one.name, one.doc, f"{one.lower:g} to {one.upper:g}", f"{one.null:g}") for one in self.used)
         columns = ("parameter", "meaning", "bounds", "without the effect")
         return Card(title=f"{self.name()}, on {self.acts_on}{chosen}", rows=rows, columns=columns)
 
@@ -94,14 +94,24 @@ class Effect(ShownAsCard, ABC):
         """The field of ``Stages`` that it transforms: its class's, unless a setting chooses another."""
         return self.stage
 
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """Names of the parameters that say nothing with what is chosen: none, unless a setting takes one away."""
+        return ()
+
+    @property
+    def used(self) -> tuple[Parameter, ...]:
+        """The declared parameters that say something with what is chosen."""
+        return tuple(parameter for parameter in self.declared if parameter.name not in self.unused)
+
     def place(self) -> tuple[int, bool, str]:
         """Return what effects are sorted by: the place of their stage, the user's own after the others, their name."""
         return ARROWS.index(self.acts_on), self.own_file is not None, self.name()
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Its parameters, named with the effect's name in front: no two effects share one."""
-        return tuple(replace(parameter, name=f"{self.name()}.{parameter.name}") for parameter in self.declared)
+        """Those used, named with the effect's name in front: no two effects share one."""
+        return tuple(replace(parameter, name=f"{self.name()}.{parameter.name}") for parameter in self.used)
 
     def apply(self, stages: Stages, values: Array) -> Stages:
         """Return the stages with its own transformed, at values (parameter,) in the units of their names.
@@ -111,7 +121,7 @@ class Effect(ShownAsCard, ABC):
         Raises InvalidInput when the machine lacks what the effect acts on, or where a user's own law fails.
         """
         self._require_parts(stages.machine)
-        pairs = list(zip(self.declared, values, strict=True))
+        pairs = list(zip(self.used, values, strict=True))
         if all(value == parameter.null for parameter, value in pairs if parameter.name not in self.shapes):
             return stages
         in_si = tuple(float(value) * si_factor(parameter.name) for parameter, value in pairs)
@@ -144,4 +154,4 @@ class Effect(ShownAsCard, ABC):
 
     @abstractmethod
     def transform(self, before: Any, machine: Machine, values: tuple[float, ...]) -> Any:
-        """Return the stage as the effect makes it from what it was; values: as declared, in SI."""
+        """Return the stage as the effect makes it from what it was; values: of those used, as declared, in SI."""

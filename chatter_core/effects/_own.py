@@ -133,6 +133,7 @@ def _findings_of_making(kind: "type[Effect]") -> Iterator[str]:
         if effect.acts_on not in ARROWS:
             yield f"acts_on: found {effect.acts_on!r}; {nearest(str(effect.acts_on), list(ARROWS))}"
             return
+        yield from _unknown("unused", effect.unused, [one.name for one in kind.declared])
         yield from findings_of_touches(effect)
 
 

@@ -34,6 +34,8 @@ class ActiveEffect:
 def activate(name: str, data: Mapping[str, Any], own: Path | None = None) -> ActiveEffect:
     """Return an effect with the parameters and settings that ``data`` says, all of them and no others.
 
+    A parameter that says nothing with what is chosen may be left out, or stand there at its null.
+
     own: a user's folder in which it may be found.
 
     Raises InvalidInput with every finding, each naming ``effects.NAME.KEY``.
@@ -43,18 +45,38 @@ def activate(name: str, data: Mapping[str, Any], own: Path | None = None) -> Act
     kind = effect_class(name, own)
     keys = [*(parameter.name for parameter in kind.declared), *(setting.name for setting in kind.settings)]
     problems = [f"effects.{name}.{key}: unknown key; {nearest(str(key), keys)}" for key in data if key not in keys]
+    chosen, wrong = _chosen(kind, data)
+    unused = () if chosen is None else chosen.unused
     for parameter in kind.declared:
-        if parameter.name not in data:
-            problems.append(f"effects.{name}.{parameter.name}: missing; needed: {parameter.doc}")
-        else:
-            problems += _problems(f"effects.{name}.{parameter.name}", parameter, data[parameter.name])
-    for setting in kind.settings:
-        if setting.name not in data:
-            problems.append(f"effects.{name}.{setting.name}: missing; needed: {setting.doc}")
-    if problems:
+        key = f"effects.{name}.{parameter.name}"
+        if parameter.name in data:
+            found = data[parameter.name]
+            problems += _problems(key, parameter, found) or _idle(key, parameter, found, data, chosen)
+        elif parameter.name not in unused:
+            problems.append(f"{key}: missing; needed: {parameter.doc}")
+    problems += wrong
+    if chosen is None or problems:
         raise InvalidInput(problems)
-    effect = kind(**{setting.name: data[setting.name] for setting in kind.settings})
-    return ActiveEffect(effect=effect, values=tuple(float(data[parameter.name]) for parameter in kind.declared))
+    return ActiveEffect(effect=chosen, values=tuple(float(data[parameter.name]) for parameter in chosen.used))
+
+
+def _chosen(kind: type[Effect], data: Mapping[str, Any]) -> tuple[Effect | None, list[str]]:
+    """Return an effect with the settings that ``data`` says, and what is wrong with them."""
+    missing = [setting for setting in kind.settings if setting.name not in data]
+    if missing:
+        return None, [f"effects.{kind.name()}.{one.name}: missing; needed: {one.doc}" for one in missing]
+    try:
+        return kind(**{setting.name: data[setting.name] for setting in kind.settings}), []
+    except InvalidInput as error:
+        return None, error.problems
+
+
+def _idle(key: str, parameter: Parameter, value: float, data: Mapping[str, Any], chosen: Effect | None) -> list[str]:
+    """Return what is wrong with a value of a parameter that says nothing with what is chosen."""
+    if chosen is None or parameter.name not in chosen.unused or value == parameter.null:
+        return []
+    settings = ", ".join(f"{setting.name}={data[setting.name]}" for setting in chosen.settings)
+    return [f"{key}: found {value:g}, which says nothing with {settings}; allowed: {parameter.null:g}, or none"]
 
 
 def _problems(key: str, parameter: Parameter, value: Any) -> list[str]:
@@ -104,4 +126,4 @@ def null_values(effect: Effect) -> Array:
 
     See docs/physics.md#effects.
     """
-    return np.array([parameter.null for parameter in effect.declared])
+    return np.array([parameter.null for parameter in effect.used])

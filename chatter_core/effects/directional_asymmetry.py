@@ -19,9 +19,10 @@ class DirectionalAsymmetry(Effect):
     """k -> k exp(-a) along one axis, of the modes at the tip, or of the bearing seats.
 
     Modes: all of that axis, masses and damping ratios unchanged, so w -> w exp(-a/2). Seats: what holds them gives
-    along that axis, as one and the same spring in series with the bearings of each, 1/k -> 1/k + (exp(a) - 1)/k_0,
-    where k_0 is the stiffness of the front seat's bearings at the lowest speed. Modes that move the shaft then differ,
-    and those that bend the tool hardly do. Valid while the principal directions are x and y.
+    along that axis, as a spring in series with the bearings of each, 1/k -> 1/k + exp(d s) (exp(a) - 1)/k_0, where k_0
+    is the stiffness of the front seat's bearings at the lowest speed and s the place of a seat, 0 at the front one and
+    1 at the rearmost: ribs and feet are at one end. Modes that move the shaft then differ, and those that bend the tool
+    hardly do. Valid while the principal directions are x and y.
 
     Source: none for the modes, the plainest law that tells the axes apart; Y. Altintas, Manufacturing Automation, 2nd
     ed. (2012), chapter 3 (springs in series). Rotors and their bearings alone are alike in both.
@@ -33,6 +34,7 @@ class DirectionalAsymmetry(Effect):
     axis: str
 
     stage: ClassVar[str] = "tip_modes"
+    shapes: ClassVar[tuple[str, ...]] = ("rear_difference",)
     changes: ClassVar[tuple[str, ...]] = ("modes", "cut")
     # Soft modes move by some seven per cent from one to the next: farther, and they leave the peaks that they were at.
     scan: ClassVar[Scan | None] = Scan(parameter="stiffness_loss", values=tuple(0.15 * np.arange(1, 13)))
@@ -45,12 +47,21 @@ class DirectionalAsymmetry(Effect):
             name="stiffness_loss", unit="ln", doc="logarithm of the stiffness without the effect over that with it",
             prior_width=0.3, lower=0.0, upper=2.0,
         ),
+        Parameter(
+            name="rear_difference", unit="ln", doc="ln of what the rearmost seat gives by over the front one, of seats",
+            prior_width=1.0, lower=-3.0, upper=3.0,
+        ),
     )  # fmt: skip
 
     @property
     def acts_on(self) -> str:
         """The tip's modes, or the seats."""
         return "seat_stiffness" if self.where == "seats" else self.stage
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """How seats differ, where modes are what is softer."""
+        return self.shapes if self.where == "modes" else ()
 
     def _check(self, machine: Machine) -> None:
         """Raise InvalidInput where a machine of measured modes lacks what is asked for: seats, or modes of an axis."""
@@ -67,21 +78,29 @@ class DirectionalAsymmetry(Effect):
 
     def transform(self, before: Any, machine: Machine, values: tuple[float, ...]) -> Any:
         """Return the tip's modes or the seats' stiffness, less along one axis."""
-        (loss,) = values
-        axis = AXES.index(self.axis)
+        if self.where == "seats":
+            return self._softer_seats(before, *values)
+        return self._softer_modes(before, *values)
 
+    def _softer_modes(self, before: Any, loss: float) -> Any:
         def tip_modes(known: KnownModes, spindle_speed: Array, mode_count: int) -> TipModes:
             modes: TipModes = before(known, spindle_speed, mode_count)
-            factor = np.where(modes.axis == axis, np.exp(-0.5 * loss), 1.0)
+            factor = np.where(modes.axis == AXES.index(self.axis), np.exp(-0.5 * loss), 1.0)
             return replace(modes, natural_frequency=modes.natural_frequency * factor)
+
+        return tip_modes
+
+    def _softer_seats(self, before: Any, loss: float, difference: float) -> Any:
+        axis = AXES.index(self.axis)
 
         def seat_stiffness(spindle: Spindle, state: BearingState) -> Array:
             stiffness = np.array(before(spindle, state))
-            compliance = np.expm1(loss) / _front_at_rest(spindle, state)
+            along = np.exp(difference * np.array(spindle.seat_places))
+            compliance = along * np.expm1(loss) / _front_at_rest(spindle, state)
             stiffness[axis] /= 1.0 + compliance * stiffness[axis]
             return stiffness
 
-        return seat_stiffness if self.where == "seats" else tip_modes
+        return seat_stiffness
 
 
 def _front_at_rest(spindle: Spindle, state: BearingState) -> float:

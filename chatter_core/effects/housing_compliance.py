@@ -45,13 +45,7 @@ class HousingCompliance(Effect):
 
         def seat_stiffness(spindle: Spindle, state: BearingState) -> Array:
             stiffness: Array = before(spindle, state)
-            compliance = front * np.exp(difference * _places(spindle))
+            compliance = front * np.exp(difference * np.array(spindle.seat_places))
             return stiffness / (1.0 + compliance * stiffness)
 
         return seat_stiffness
-
-
-def _places(spindle: Spindle) -> Array:
-    """Return the places of the seats (seat,) from the front one, 0, to the rearmost, 1."""
-    position = np.array([seat.position for seat in spindle.bearings])
-    return np.asarray((position - position.min()) / (np.ptp(position) or 1.0))

@@ -88,7 +88,7 @@ def test_the_null_is_the_base_model_bit_for_bit(name: str, reference_machine: Ma
         stages = at(effect, nulls).apply(Stages(machine=reference_machine))
         assert stages == Stages(machine=reference_machine)
         # With only the shape displaced nothing acts either.
-        for index, parameter in enumerate(effect.declared):
+        for index, parameter in enumerate(effect.used):
             if parameter.name in effect.shapes:
                 shaped = nulls.copy()
                 shaped[index] = 0.5 * (parameter.null + parameter.upper)
@@ -112,7 +112,7 @@ def test_the_smallest_step_from_the_null_is_small(name: str, reference_machine: 
     """A fit moves by shares of the prior's width: the model follows without a jump."""
     base, effect = results(Stages(machine=reference_machine), name), configured(name).effect
     values = null_values(effect)
-    for index, parameter in enumerate(effect.declared):
+    for index, parameter in enumerate(effect.used):
         if parameter.name not in effect.shapes:
             values[index] = parameter.aside(1e-6)
     found = results(at(effect, values).apply(Stages(machine=reference_machine)), name)
@@ -144,6 +144,23 @@ def test_keys_and_settings_are_checked(name: str):
     for setting in effect_class(name).settings:
         with pytest.raises(InvalidInput, match=rf"effects.{name}.{setting.name}: found 'sideways', allowed: "):
             activate(name, {**data, setting.name: "sideways"})
+
+
+def test_a_parameter_that_says_nothing_with_what_is_chosen():
+    modes = {"where": "modes", "axis": "y", "stiffness_loss": 0.3}
+    left_out, at_null = (
+        activate("directional_asymmetry", {**modes, **other}) for other in ({}, {"rear_difference": 0})
+    )
+    assert left_out == at_null
+    assert [one.name for one in left_out.effect.parameters] == ["directional_asymmetry.stiffness_loss"]
+    with pytest.raises(InvalidInput) as refused:
+        activate("directional_asymmetry", {**modes, "rear_difference": 0.5})
+    assert refused.value.problems == [
+        "effects.directional_asymmetry.rear_difference: found 0.5, which says nothing with where=modes, axis=y; "
+        "allowed: 0, or none"
+    ]
+    with pytest.raises(InvalidInput, match=r"directional_asymmetry.rear_difference: missing; needed: "):
+        activate("directional_asymmetry", {**modes, "where": "seats"})
 
 
 @EVERY

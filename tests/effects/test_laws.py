@@ -165,15 +165,16 @@ def test_softness_along_an_axis_moves_its_modes_alone(reference_machine: Machine
     assert np.array_equal(found.natural_frequency[:, others], base.natural_frequency[:, others])
 
 
-@pytest.mark.parametrize("axis", [0, 1])
-def test_seats_that_give_one_way(reference_machine: Machine, axis: int):
+@pytest.mark.parametrize(("axis", "difference"), [(0, 0.0), (1, 0.0), (1, -1.2)])
+def test_seats_that_give_one_way(reference_machine: Machine, axis: int, difference: float):
     """The softer plane is the rotor on springs in series, solved without modes; the other one is as it was."""
     spindle = reference_machine.spindle
-    stages = model(reference_machine, "directional_asymmetry", where="seats", axis="xy"[axis], stiffness_loss=0.7)
+    values = {"where": "seats", "axis": "xy"[axis], "stiffness_loss": 0.7, "rear_difference": difference}
+    stages = model(reference_machine, "directional_asymmetry", **values)
     built = structure(stages, SPEEDS, mode_count=20)
     base = structure(reference_machine, SPEEDS, mode_count=20)
     bearing = base.bearing.radial_stiffness[:, None] * np.array([seat.count for seat in spindle.bearings])
-    seats = 1.0 / (1.0 / bearing + (math.exp(0.7) - 1.0) / bearing[0, 0])
+    seats = 1.0 / (1.0 / bearing + (math.exp(0.7) - 1.0) / bearing[0, 0] * np.exp([0.0, difference]))
     assert stages.seat_stiffness(spindle, built.bearing)[axis] == pytest.approx(seats)
     assert seats[0, 0] / bearing[0, 0] == pytest.approx(math.exp(-0.7), rel=1e-12)
     frequency = 2.0 * np.pi * np.linspace(100.0, 2000.0, 40)
@@ -188,7 +189,8 @@ def test_seats_that_give_one_way(reference_machine: Machine, axis: int):
 def test_unlike_planes_of_a_rotor_that_spins(reference_machine: Machine):
     """All four receptances against M q'' + C q' + W (0 G; -G 0) q' + K q = f of both planes, every freedom kept."""
     spindle, speed = reference_machine.spindle, SPEEDS[-1]
-    asymmetry = activate("directional_asymmetry", {"where": "seats", "axis": "y", "stiffness_loss": 1.0})
+    values = {"where": "seats", "axis": "y", "stiffness_loss": 1.0, "rear_difference": 0.5}
+    asymmetry = activate("directional_asymmetry", values)
     stages = apply_effects(reference_machine, [asymmetry, activate("gyroscopic_coupling", {"share": 1.0})])
     built = structure(stages, np.array([0.0, speed]), mode_count=20)
     rotor, frequency = assemble(spindle), 2.0 * np.pi * np.linspace(100.0, 2000.0, 40)
@@ -214,7 +216,8 @@ def test_seats_of_two_effects_act_in_series(reference_machine: Machine):
     """A housing that gives, and more so in y: compliances add, and x knows nothing of what is softer in y."""
     spindle, state = reference_machine.spindle, structure(reference_machine, SPEEDS, mode_count=1).bearing
     housing = activate("housing_compliance", {"compliance_um_n": 0.004, "rear_difference": 0.0})
-    asymmetry = activate("directional_asymmetry", {"where": "seats", "axis": "y", "stiffness_loss": 0.4})
+    softer = {"where": "seats", "axis": "y", "stiffness_loss": 0.4, "rear_difference": 0.0}
+    asymmetry = activate("directional_asymmetry", softer)
     both, one = (apply_effects(reference_machine, effects) for effects in ([housing, asymmetry], [housing]))
     alone = apply_effects(reference_machine, [asymmetry])
     plain = apply_effects(reference_machine, []).seat_stiffness(spindle, state)
@@ -225,7 +228,8 @@ def test_seats_of_two_effects_act_in_series(reference_machine: Machine):
 
 
 def test_a_table_has_the_less_sure_of_unlike_axes(reference_machine: Machine):
-    stages = model(reference_machine, "directional_asymmetry", where="seats", axis="y", stiffness_loss=1.5)
+    values = {"where": "seats", "axis": "y", "stiffness_loss": 1.5, "rear_difference": 0.0}
+    stages = model(reference_machine, "directional_asymmetry", **values)
     found = structure(stages, SPEEDS, mode_count=6).modes.tracking_confidence
     table = structure_variables(stages, SPEEDS, mode_count=6)["tracking_confidence"]
     assert not np.array_equal(found[:, :6], found[:, 6:])

@@ -47,7 +47,7 @@ def test_an_effect_shows_its_parameters(name):
     for one in variants(name):
         card = one.card()
         assert card.title.startswith(f"{name}, on {one.acts_on}")
-        assert [row[0] for row in card.rows] == [parameter.name for parameter in one.declared]
+        assert [row[0] for row in card.rows] == [parameter.name for parameter in one.used]
 
 
 def test_a_campaign_and_a_comparison_show_what_is_in_them():
