@@ -84,9 +84,11 @@ def test_seats_that_give_along_one_axis_are_found_however_soft(variant, loss, re
     new = candidate("directional_asymmetry", variant)
     base = base_of(responses_with(reference_machine, new, stiffness_loss=loss))
     found = fit_hypothesis(base.comparison, [new], ground(base))
-    stands = dict(zip((p.name.split(".")[-1] for p in found.fit.parameters), found.fit.estimate, strict=True))
-    # Within 5 %: the deviations that the fit states are 2 %.
-    assert stands["stiffness_loss"] == pytest.approx(loss, rel=0.05)
+    at = [p.name.split(".")[-1] for p in found.fit.parameters].index("stiffness_loss")
+    # Responses without noise: what is left is the pull of the priors, 0.3 wide, on a loss that the rear seat's may
+    # make up for in part. Other peaks lie a fifth and more away.
+    assert found.fit.standard_deviation[at] < 0.05
+    assert found.fit.estimate[at] == pytest.approx(loss, abs=3.0 * found.fit.standard_deviation[at])
 
 
 def with_one_front_bearing(machine):
