@@ -58,7 +58,9 @@ class Shop:
 
 def hide(plan: Plan, machine: Machine, rng: Generator) -> Hidden:
     """Draw the parameters of the planned effects for a machine."""
-    laws = NAMED | FOREIGN | (LATER if plan.later else {})
+    laws = NAMED | FOREIGN
+    for later in LATER[: plan.generation]:
+        laws |= later
     drawn: dict[str, object] = {}
     for name, strength in zip(plan.effects, plan.strengths, strict=True):
         drawn |= laws[name](strength, rng, machine)

@@ -11,17 +11,19 @@ import numpy as np
 from tests.hidden_effect.effects import FOREIGN, NAMED
 
 #: Seeds for choosing thresholds and temperatures, and seeds for a judgement each; no seed is in two of them. Later
-#: tests are for programs that were changed because of what earlier ones showed.
+#: tests are for programs that were changed because of what earlier ones showed; the third seeds are those of three.
 CALIBRATION_SEEDS = range(1000, 1200)
 TEST_SEEDS = range(5000, 5200)
 SECOND_TEST_SEEDS = range(6000, 6200)
 THIRD_TEST_SEEDS = range(7000, 7200)
+SIXTH_TEST_SEEDS = range(8000, 8200)
 #: The same by the names that commands know them by.
 SEEDS = {
     "calibration": CALIBRATION_SEEDS,
     "test": TEST_SEEDS,
     "second": SECOND_TEST_SEEDS,
     "third": THIRD_TEST_SEEDS,
+    "sixth": SIXTH_TEST_SEEDS,
 }
 
 BLOCK = 20
@@ -32,18 +34,19 @@ KINDS = ("none",) * 5 + ("one",) * 11 + ("two",) * 2 + ("foreign",) * 2
 class Plan:
     """kind: none, one, two or foreign; effects: names; strengths: each 0 (weak) to 1 (strong).
 
-    later: whether it is of a later test, with other laws where the program's has become like the first one's.
+    generation: how often its laws are others where the program's have become like those before.
     """
 
     kind: str
     effects: tuple[str, ...]
     strengths: tuple[float, ...]
-    later: bool = False
+    generation: int = 0
 
 
 def plan(seed: int) -> Plan:
     """Return what a seed hides."""
-    return replace(_planned(seed), later=seed not in CALIBRATION_SEEDS and seed not in TEST_SEEDS)
+    first = seed in CALIBRATION_SEEDS or seed in TEST_SEEDS
+    return replace(_planned(seed), generation=0 if first else 2 if seed in SIXTH_TEST_SEEDS else 1)
 
 
 def _planned(seed: int) -> Plan:

@@ -126,6 +126,10 @@ def _unequal_asymmetry(strength: float, rng: Generator, machine: Machine) -> Fie
     return _asymmetry(strength, rng, machine) | {"rear_seat_y_share": float(rng.uniform(0.0, 1.0))}
 
 
+def _turned_asymmetry(strength: float, rng: Generator, machine: Machine) -> Fields:
+    return _unequal_asymmetry(strength, rng, machine) | {"y_turn_rad": float(rng.uniform(-0.4, 0.4))}
+
+
 def _runout(strength: float, rng: Generator, machine: Machine) -> Fields:
     return {
         "runout_m": between(strength, 0.25, 1.4) * machine.process.feed_per_tooth_m,
@@ -202,8 +206,12 @@ NAMED: dict[str, Draw] = {
     "radial_immersion_error": _immersion,
     "drawbar_stiffness": _drawbar,
 }
-#: Laws of later tests where the program has meanwhile one like the first.
-LATER: dict[str, Draw] = {"directional_asymmetry": _unequal_asymmetry}
+#: Laws of later tests where the program has meanwhile one like those before, by generation: the first is of the second
+#: to the fifth test, the other of those after.
+LATER: tuple[dict[str, Draw], ...] = (
+    {"directional_asymmetry": _unequal_asymmetry},
+    {"directional_asymmetry": _turned_asymmetry},
+)
 #: Effects that nobody has a name for.
 FOREIGN: dict[str, Draw] = {
     "tool_wear": _tool_wear,

@@ -37,6 +37,7 @@ class Hidden:
     rear_seat_m_n: float = 0.0
     front_seat_y_m_n: float = 0.0  # compliance of the first seat in y alone
     rear_seat_y_share: float = 1.0  # the same of the others, over it
+    y_turn_rad: float = 0.0  # from y towards x, of the direction in which they give so
     joint_border: int = 0  # number of the section before the joint
     joint_lateral_m_n: float = 0.0  # compliances of the joint at any speed
     joint_rotational_rad_nm: float = 0.0

@@ -5,6 +5,7 @@
 holds for every linear structure, gyroscopic or not, so that the cut needs no other.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +40,12 @@ class Tip:
         direct = np.einsum("ki,lk,kj->lij", self.output, 1.0 / (at - self.eigenvalue), self.input)
         mirror = np.einsum("ki,lk,kj->lij", self.output.conj(), 1.0 / (at - self.eigenvalue.conj()), self.input.conj())
         return np.asarray(0.5 * (direct + mirror))
+
+    def turned(self, angle: float) -> "Tip":
+        """Return the structure turned by an angle [rad] from y towards x."""
+        s, c = math.sin(angle), math.cos(angle)
+        axes = np.array([[c, -s], [s, c]])
+        return Tip(eigenvalue=self.eigenvalue, input=self.input @ axes, output=self.output @ axes)
 
     def joined(self, other: "Tip") -> "Tip":
         """Return both structures in series: their displacements add."""
@@ -84,7 +91,9 @@ class Spindle:
         joint = joint_compliances(self.hidden, speed, order)
         key = (round(speed, 6), round(preload_factor, 6), *joint, modes)
         if key not in self._tips:
-            self._tips[key] = self._solved(speed, preload_factor, joint, modes)
+            tip = self._solved(speed, preload_factor, joint, modes)
+            # Shaft and bearings are alike in all directions: what gives along another than y is the same, turned.
+            self._tips[key] = tip if self.hidden.y_turn_rad == 0.0 else tip.turned(self.hidden.y_turn_rad)
         return self._tips[key]
 
     def _solved(self, speed: float, preload_factor: float, joint: tuple[float, float], modes: int) -> Tip:
