@@ -1,6 +1,7 @@
 """Folders that hold an answer: whose they are, and how an answer takes the place of an earlier one.
 
-An answer is written beside its place and then moved: a disk that fills up, or a signal, leaves what was there.
+An answer is written beside its place and then moved: a disk that fills up, or a signal, leaves what was there. One that
+comes while files are moved waits for the last.
 """
 
 import os
@@ -14,6 +15,7 @@ from pipeline.errors import told_where
 from pipeline.places import STORES
 from pipeline.places.address import POINTER
 from pipeline.places.folder import UNPACKED
+from pipeline.stopping import held_back
 
 #: What every answer has for people.
 PAGE = "report.html"
@@ -88,10 +90,11 @@ def write_text(path: Path, text: str) -> None:
         beside.unlink(missing_ok=True)
 
 
-def write_whole(write: Callable[[Path], list[Path]], output: Path) -> list[Path]:
+def write_whole(write: Callable[[Path], list[Path]], output: Path, earlier: Iterable[str] = ()) -> list[Path]:
     """Leave files in a folder that this run holds, all or none; return their paths.
 
-    write: puts them into the folder it is given and returns their paths. Raises InvalidInput where one has no room.
+    write: puts them into the folder it is given and returns their paths; earlier: names of files of an earlier answer,
+    which go where they are not written anew. Raises InvalidInput where one has no room.
     """
     # What a run that was killed had begun; nobody else writes here now.
     for left in output.glob(f"{BESIDE}*"):
@@ -101,7 +104,10 @@ def write_whole(write: Callable[[Path], list[Path]], output: Path) -> list[Path]
         beside = Path(folder)
         names = [path.relative_to(beside) for path in write(beside)]
         require_room(output, names)
-        for name in names:
-            (output / name).parent.mkdir(exist_ok=True)
-            (beside / name).replace(output / name)
+        with held_back():
+            for name in names:
+                (output / name).parent.mkdir(exist_ok=True)
+                (beside / name).replace(output / name)
+            for known in {*map(Path, earlier)} - {*names}:
+                (output / known).unlink(missing_ok=True)
     return [output / name for name in names]

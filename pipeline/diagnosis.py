@@ -164,20 +164,30 @@ def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
     """
     waves = waves_between_teeth(model.campaign)
     found = [
-        Candidate(
-            name=name,
-            settings=settings_of(effect),
-            term=effect,
-            shapes=tuple(f"{name}.{shape}" for shape in effect.shapes),
-            heard=f"{name}.{effect.heard}" if effect.heard else None,
-            scan=(f"{name}.{effect.scan.parameter}", effect.scan.with_waves(waves)) if effect.scan else None,
-            place=effect.place(),
-        )
+        candidate_of(effect, waves)
         for name in _lacking(content)
         for effect in variants(name, content.effects_path)
         if not _hindrance(effect, model) and not effect.repeats(model.campaign.machine)
     ]
     return sorted(found, key=_cost_order)
+
+
+def candidate_of(effect: Effect, waves: float) -> Candidate:
+    """Return an effect as a candidate; what it is told of parameters that are unused is left out.
+
+    waves: between two teeth, in the cuts that were heard.
+    """
+    name, used = effect.name(), {parameter.name for parameter in effect.used}
+    heard, scan = effect.heard, effect.scan
+    return Candidate(
+        name=name,
+        settings=settings_of(effect),
+        term=effect,
+        shapes=tuple(f"{name}.{shape}" for shape in effect.shapes if shape in used),
+        heard=f"{name}.{heard}" if heard in used else None,
+        scan=(f"{name}.{scan.parameter}", scan.with_waves(waves)) if scan and scan.parameter in used else None,
+        place=effect.place(),
+    )
 
 
 def _cost_order(candidate: Candidate) -> tuple[bool, bool, int, str]:

@@ -194,7 +194,7 @@ def power_table(found: Diagnosis) -> pd.DataFrame:
     """Return what each candidate of usual size would have left in the campaign, by kind of measurement."""
     rows = []
     for power in sorted(found.powers, key=lambda one: -one.nats):
-        sizes = [f"{p.aside(USUAL):.4g} {p.unit}".strip() for p in power.candidate.amplitudes]
+        sizes = [f"{p.searched_at(USUAL):.4g} {p.unit}".strip() for p in power.candidate.amplitudes]
         rows.append(
             {
                 "effect": power.candidate.name,

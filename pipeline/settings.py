@@ -291,9 +291,17 @@ class Study(Part):
             **own,
             "method": _plain(self.method),
             # Without effects nothing is said of them: a study of the base model stays what it was.
-            **({"effects": self.effects} if self.effects else {}),
+            **({"effects": self._effects_in_force()} if self.effects else {}),
             # Where a user's folder lies is not science; what its files say is.
             **({"own_effects": digests} if (digests := own_digests(self.effects, self.effects_path)) else {}),
+        }
+
+    def _effects_in_force(self) -> dict[str, dict[str, Any]]:
+        """Return the effects that are on with what says something of each."""
+        unused = {name: activate(name, said, self.effects_path).effect.unused for name, said in self.effects.items()}
+        return {
+            name: {key: value for key, value in said.items() if key not in unused[name]}
+            for name, said in self.effects.items()
         }
 
     def record(self) -> str:

@@ -3,6 +3,7 @@
 import os
 import signal
 import stat
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -56,6 +57,24 @@ def leave_terminal() -> None:
 def heard(*numbers: signal.Signals) -> list[signal.Signals]:
     """Return which of some signals are not to be ignored: ``nohup`` has one be."""
     return [number for number in numbers if signal.getsignal(number) != signal.SIG_IGN]
+
+
+@contextmanager
+def held_back() -> Iterator[None]:
+    """Let signals that ask for the end wait until what must not be broken off is done; it is short."""
+    if threading.current_thread() is not threading.main_thread():
+        # Handlers run in the main thread, and disturb no other.
+        yield
+        return
+    came: list[int] = []
+    before = {one: signal.signal(one, lambda number, frame: came.append(number)) for one in heard(*SIGNALS)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])
 
 
 @contextmanager

@@ -58,6 +58,7 @@ class Numbers:
     gross_chance: float = verdict.GROSS_CHANCE
     check_chance: float = verdict.CHECK_CHANCE
     seen_share: float = verdict.SEEN_SHARE
+    enough: float = verdict.ENOUGH
 
     @contextmanager
     def in_force(self) -> Iterator[None]:

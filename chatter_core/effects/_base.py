@@ -2,7 +2,8 @@
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -21,11 +22,15 @@ REFERENCE_SPEED = 10_000.0 * 2.0 * math.pi / 60.0
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """A choice that is not fitted: its name, meaning, and what may be chosen. A diagnosis tries each."""
+    """A choice that is not fitted: its name, meaning, and what may be chosen. A diagnosis tries each.
+
+    unused: by choice, names of the parameters that say nothing with it.
+    """
 
     name: str
     doc: str
     choices: tuple[str | int, ...]
+    unused: Mapping[str | int, tuple[str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,13 +101,14 @@ class Effect(ShownAsCard, ABC):
 
     @property
     def unused(self) -> tuple[str, ...]:
-        """Names of the parameters that say nothing with what is chosen: none, unless a setting takes one away."""
-        return ()
+        """Names of the parameters that say nothing with what is chosen."""
+        return tuple(name for one in self.settings for name in one.unused.get(getattr(self, one.name), ()))
 
     @property
     def used(self) -> tuple[Parameter, ...]:
         """The declared parameters that say something with what is chosen."""
-        return tuple(parameter for parameter in self.declared if parameter.name not in self.unused)
+        unused = self.unused
+        return tuple(parameter for parameter in self.declared if parameter.name not in unused)
 
     def place(self) -> tuple[int, bool, str]:
         """Return what effects are sorted by: the place of their stage, the user's own after the others, their name."""

@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import MISSING, fields
 from inspect import isabstract
 from pathlib import Path
@@ -18,7 +18,7 @@ from chatter_core.reading import nearest
 from chatter_core.stages import ARROWS, OF_THE_STRUCTURE
 
 if TYPE_CHECKING:
-    from chatter_core.effects._base import Effect
+    from chatter_core.effects._base import Effect, Setting
 
 #: Waves between two teeth that a scan may be told for.
 MOST_WAVES = 1e6
@@ -114,12 +114,26 @@ def _findings_of_settings(kind: "type[Effect]") -> Iterator[str]:
         return
     attributes = [field.name for field in fields(kind)]
     for one in kind.settings:
-        if not (hasattr(one, "name") and hasattr(one, "choices")):
+        if not all(hasattr(one, name) for name in ("name", "choices", "unused")):
             yield f"settings: found {one!r}, allowed: settings"
         elif one.name not in attributes:
             yield f"settings: {one.name} is no field of the class; needed: {one.name}: str, or int"
         elif not _is_tuple(one.choices) or not one.choices:
             yield f"settings: choices of {one.name}: found {one.choices!r}, allowed: a tuple of words or whole numbers"
+        else:
+            yield from _findings_of_unused(kind, one)
+
+
+def _findings_of_unused(kind: "type[Effect]", setting: "Setting") -> Iterator[str]:
+    key, unused = f"settings: unused of {setting.name}", setting.unused
+    if not isinstance(unused, Mapping):
+        yield f"{key}: found {unused!r}, allowed: a tuple of names by choice, {{choice: (name,)}}"
+        return
+    choices = [*map(str, setting.choices)]
+    yield from (f"{key}: found {one!r}; {nearest(str(one), choices)}" for one in unused if one not in setting.choices)
+    declared = kind.declared if _is_tuple(kind.declared) else ()
+    for names in unused.values():
+        yield from _unknown(key, names, [one.name for one in declared if isinstance(one, Parameter)])
 
 
 def _findings_of_making(kind: "type[Effect]") -> Iterator[str]:
@@ -129,11 +143,15 @@ def _findings_of_making(kind: "type[Effect]") -> Iterator[str]:
             yield f"{field.name}: a field that is no setting, needed: a value, {field.name} = ..."
             return
     for choices in itertools.product(*(setting.choices for setting in kind.settings)):
-        effect = kind(**dict(zip(chosen, choices, strict=True)))
+        so = dict(zip(chosen, choices, strict=True))
+        effect = kind(**so)
         if effect.acts_on not in ARROWS:
             yield f"acts_on: found {effect.acts_on!r}; {nearest(str(effect.acts_on), list(ARROWS))}"
             return
-        yield from _unknown("unused", effect.unused, [one.name for one in kind.declared])
+        if all(one.name in kind.shapes for one in effect.used):
+            told_so = " with " + ", ".join(f"{name}={choice}" for name, choice in so.items()) if so else ""
+            yield f"declared: nothing says how strong it is{told_so}; needed: a parameter that is used and no shape"
+            return
         yield from findings_of_touches(effect)
 
 

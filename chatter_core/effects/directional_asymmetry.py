@@ -39,9 +39,12 @@ class DirectionalAsymmetry(Effect):
     # Soft modes move by some seven per cent from one to the next: farther, and they leave the peaks that they were at.
     scan: ClassVar[Scan | None] = Scan(parameter="stiffness_loss", values=tuple(0.15 * np.arange(1, 13)))
     settings: ClassVar[tuple[Setting, ...]] = (
-        Setting(name="where", doc="what is softer along one axis", choices=("modes", "seats")),
+        Setting(
+            name="where", doc="what is softer along one axis", choices=("modes", "seats"),
+            unused={"modes": ("rear_difference",)},
+        ),
         Setting(name="axis", doc="the softer direction", choices=AXES),
-    )
+    )  # fmt: skip
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="stiffness_loss", unit="ln", doc="logarithm of the stiffness without the effect over that with it",
@@ -57,11 +60,6 @@ class DirectionalAsymmetry(Effect):
     def acts_on(self) -> str:
         """The tip's modes, or the seats."""
         return "seat_stiffness" if self.where == "seats" else self.stage
-
-    @property
-    def unused(self) -> tuple[str, ...]:
-        """How seats differ, where modes are what is softer."""
-        return self.shapes if self.where == "modes" else ()
 
     def _check(self, machine: Machine) -> None:
         """Raise InvalidInput where a machine of measured modes lacks what is asked for: seats, or modes of an axis."""

@@ -238,7 +238,9 @@ def _of_tables(campaign: Campaign, compared: Compared, unresolved: NDArray[np.bo
                 f"The model has no answer for {lost} of {len(table.apart)} measured {table.what}; they count as wrong."
             )
             yield Failure(quantity=table.quantity, band={}, excess=lost / len(table.apart), chance=0.0, text=text)
-        standard, far = (table.apart / table.error)[known], scipy.stats.norm.ppf(1.0 - 0.5 * IMPROBABLE)
+        # Limit depths are of Student's law, and all else of the normal one, which is that of infinite freedom.
+        freedom = likelihood.LIMIT_FREEDOM if table.quantity == "limit_depth" else np.inf
+        standard, far = (table.apart / table.error)[known], scipy.stats.t.ppf(1.0 - 0.5 * IMPROBABLE, freedom)
         for failed, side in ((standard > far, "larger"), (standard < -far, "smaller")):
             data = _Data(
                 quantity=table.quantity,

@@ -77,7 +77,7 @@ def _plan(speeds: Array, depths: Array, stated: Mapping[str, float]) -> Trials:
 
 
 def expected_chatter(hypothesis: Hypothesis, plan: Trials) -> Array:
-    """Return the probability by which each cut of a plan will be called chatter (trial,), wrong labels and all.
+    """Return the probability by which each cut of a plan will be called chatter (trial,), wrong labels as fitted.
 
     MODEL_ERROR counts as the doubts about parameters do.
 
@@ -86,7 +86,8 @@ def expected_chatter(hypothesis: Hypothesis, plan: Trials) -> Array:
     model = hypothesis.comparison.model
     planned = replace(model, campaign=planned_campaign(model.campaign, plan))
     probability = predict_planned(planned, fitted(hypothesis.fit), MODEL_ERROR).probability_chatter
-    return np.asarray(TYPICAL_MISLABELLED + (1.0 - 2.0 * TYPICAL_MISLABELLED) * probability)
+    wrong = TYPICAL_MISLABELLED * np.exp(model.named(hypothesis.fit.estimate).get("mislabelled", 0.0))
+    return np.asarray(wrong + (1.0 - 2.0 * wrong) * probability)
 
 
 def _logit(probability: Array) -> Array:

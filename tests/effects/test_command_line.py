@@ -173,3 +173,14 @@ def test_a_study_with_effects_is_another_study():
     assert damped.scientific()["effects"] == {"process_damping": {"coefficient_n_m": 1e5}}
     other = settings("effects=[process_damping]", "effects.process_damping.coefficient_n_m=2e4")
     assert len({study.fingerprint() for study in (plain, damped, other)}) == 3
+
+
+def test_what_says_nothing_with_what_is_chosen_makes_no_other_study():
+    def settings(values: str):
+        words = ["effects=[directional_asymmetry]", f"effects.directional_asymmetry={{{values}}}"]
+        return compose_settings(words_for(SweepOptions, [*WORDS, *words]))
+
+    modes, rear = "where: modes, axis: y, stiffness_loss: 0.1", ", rear_difference: 0.0"
+    assert settings(modes).fingerprint() == settings(modes + rear).fingerprint()
+    of_seats = settings(modes.replace("modes", "seats") + rear).scientific()["effects"]["directional_asymmetry"]
+    assert of_seats["rear_difference"] == 0.0

@@ -114,7 +114,7 @@ def test_folders_that_are_not_right_are_told_everything_at_once(tmp_path: Path):
 
 
 EXAMPLE_TEXT = (EXAMPLE / "loosening_clamp.py").read_text()
-SETTING = '__import__("types").SimpleNamespace(name="axis", doc="which", choices=())'
+SETTING = '__import__("types").SimpleNamespace(name="axis", doc="which", choices=(), unused={})'
 
 
 #: What makes a scan, without an import in the user's file.
@@ -126,6 +126,12 @@ SCAN = (
 def with_line(*lines: str) -> str:
     """Return the example with lines more in its class."""
     return EXAMPLE_TEXT.replace("    changes:", "".join(f"    {line}\n" for line in lines) + "    changes:")
+
+
+def with_unused(unused: str) -> str:
+    """Return the example with a setting that says which parameters are unused by choice."""
+    setting = SETTING.replace("choices=()", 'choices=("x", "y")').replace("unused={}", f"unused={unused}")
+    return with_line(f"settings: ClassVar[Any] = ({setting},)", "axis: str")
 
 
 @pytest.mark.parametrize(
@@ -169,6 +175,12 @@ def with_line(*lines: str) -> str:
         (with_line("shapes: ClassVar[Any] = None"), r"mine.py: shapes: found None, allowed: a tuple of names"),
         (with_line('settings: ClassVar[Any] = ("axis",)'), r"mine.py: settings: found 'axis', allowed: settings"),
         (with_line(f"settings: ClassVar[Any] = ({SETTING},)"), r"mine.py: settings: axis is no field of the class"),
+        (with_unused("3"), r"mine.py: settings: unused of axis: found 3, allowed: a tuple of names by choice"),
+        (with_unused("{'z': ('loss',)}"), r"mine.py: settings: unused of axis: found 'z'; allowed: x, y"),
+        (with_unused("{'x': 'loss'}"), r"mine.py: settings: unused of axis: found 'loss', allowed: a tuple of names"),
+        (with_unused("{'x': ('los',)}"), r"mine.py: settings: unused of axis: found 'los'; did you mean loss"),
+        (with_unused("{'y': ('loss',)}"), r"mine.py: declared: nothing says how strong it is with axis=y; needed: a"),
+        (with_line('shapes: ClassVar[Any] = ("loss",)'), r"mine.py: declared: nothing says how strong it is; needed: "),
         (
             with_line(f"settings: ClassVar[Any] = ({SETTING},)", "axis: str"),
             r"mine.py: settings: choices of axis: found \(\), allowed: a tuple",

@@ -4,13 +4,15 @@ import errno
 import json
 import os
 import shutil
+import signal
 from pathlib import Path
 
 import pytest
 import yaml
 
-from pipeline.__main__ import main
-from pipeline.judging import DOCUMENTS
+from pipeline.__main__ import Terminated, main
+from pipeline.answer_folder import write_whole
+from pipeline.judging import ANSWERS
 from pipeline.locking import locked
 
 CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
@@ -135,7 +137,7 @@ def test_a_model_that_is_given_is_named_and_known_by_what_it_was_fitted_to(tmp_p
 
 
 @every_verb
-@pytest.mark.parametrize("document", DOCUMENTS)
+@pytest.mark.parametrize("document", ANSWERS)
 def test_an_answer_is_not_written_over_that_of_another_campaign(tmp_path, capsys, quick, verb, document):
     (tmp_path / document).write_text(json.dumps({"campaign": "r02"}))
     said = refused(capsys, verb, f"campaign={quick}", f"output={tmp_path}")
@@ -243,6 +245,31 @@ def test_what_cannot_be_written_leaves_what_was_there(tmp_path, capsys, monkeypa
     assert (tmp_path / "old" / MARKS[verb]).read_text() == EARLIER
 
 
+def test_a_signal_while_files_are_moved_waits_for_the_last(tmp_path, monkeypatch):
+    def end(number, frame):
+        raise Terminated(number)
+
+    def write(folder):
+        for name in ("one", "two"):
+            (folder / name).write_text("new")
+        return [folder / "one", folder / "two"]
+
+    def terminated(path, target):
+        move(path, target)
+        signal.raise_signal(signal.SIGTERM)
+
+    for name in ("one", "two", "three"):
+        (tmp_path / name).write_text("old")
+    before, move = signal.signal(signal.SIGTERM, end), Path.replace
+    monkeypatch.setattr(Path, "replace", terminated)
+    try:
+        with pytest.raises(Terminated):
+            write_whole(write, tmp_path, ["one", "three"])
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"one": "new", "two": "new"}
+
+
 @every_verb
 @pytest.mark.parametrize(
     ("held", "told"),
@@ -273,7 +300,11 @@ def test_answers_to_one_campaign_may_share_a_folder(tmp_path, capsys, quick, ver
         (output / name).parent.mkdir(parents=True, exist_ok=True)
         (output / name).write_text(json.dumps({"campaign": quick.name}))
     assert main([verb, f"campaign={quick}", f"output={output}", SERIAL]) == 1
-    assert FILES[verb] | others & {*DOCUMENTS} <= files_in(output)
+    found = files_in(output)
+    assert FILES[verb] | others & {*ANSWERS} <= found
+    if MARKS[verb] == MARKS["improve"]:
+        # A history of an improvement speaks of another model than the diagnosis that has taken its place.
+        assert not (FILES["improve"] - FILES[verb]) & found
 
 
 @every_verb

@@ -7,13 +7,14 @@ import pytest
 
 from chatter_core.effects import variants
 from chatter_core.evidence import CampaignModel, Comparison, base_model, calibrate
-from chatter_core.evidence.candidates import Candidate, Hypothesis, at_nulls, extended, slope_of
+from chatter_core.evidence.candidates import Hypothesis, at_nulls, extended, slope_of
 from chatter_core.evidence.fit import free_parameters, maximise
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.next_trial import next_trial
 from chatter_core.evidence.power import ENOUGH, power
 from chatter_core.evidence.pursuit import LEFT_GAIN, fit_hypothesis, ground, refit
 from chatter_core.evidence.ranking import NOTHING, rank
+from pipeline.diagnosis import candidate_of
 from pipeline.search import CLOSE
 from tests.synthetic import RPM, campaign, measured, tip_machine, trials
 
@@ -24,16 +25,7 @@ COEFFICIENT = 8e4
 
 
 def candidate(name, number=0):
-    effect = variants(name)[number]
-    return Candidate(
-        name=name,
-        settings={setting.name: getattr(effect, setting.name) for setting in effect.settings},
-        term=effect,
-        shapes=tuple(f"{name}.{shape}" for shape in effect.shapes),
-        heard=f"{name}.{effect.heard}" if effect.heard else None,
-        scan=(f"{name}.{effect.scan.parameter}", effect.scan.values) if effect.scan else None,
-        place=effect.place(),
-    )
+    return candidate_of(variants(name)[number], np.inf)
 
 
 PROCESS_DAMPING = candidate("process_damping")

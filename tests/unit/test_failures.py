@@ -132,6 +132,19 @@ def test_limits_and_modes_that_are_off_to_one_side_are_told():
     assert "10 are smaller than predicted" in found.text
 
 
+def test_limits_scatter_as_the_likelihood_has_it():
+    """By Student's law with four degrees of freedom one in sixteen is beyond what one in forty is by the normal one."""
+    speed = np.linspace(3500.0, 5000.0, 200) * RPM
+    usual = Limits(spindle_speed=speed, limit_depth=np.full(200, 5e-3), uncertainty=np.full(200, 1e-4))
+    made = campaign(tip_machine(), limits=usual)
+    comparison = Comparison(model=base_model(made))
+    limit = 5e-3 / np.exp(comparison.compare(comparison.model.nulls).prediction.limit_margin)
+    off = np.exp(0.02 * np.random.default_rng(5).standard_t(4.0, 200))
+    # The stated uncertainty is that of the measured depth.
+    scattered = replace(usual, limit_depth=limit * off, uncertainty=0.02 * limit * off)
+    assert told(replace(made, limits=scattered)) == []
+
+
 def test_limits_that_the_model_has_nowhere_near_are_told():
     table = Limits(spindle_speed=np.array([4000.0 * RPM]), limit_depth=np.array([1e-5]), uncertainty=np.array([1e-6]))
     texts = [one.text for one in told(campaign(tip_machine(), limits=table)) if one.band == {}]

@@ -1,14 +1,16 @@
 """Verdicts: five answers, each for its own reasons; rankings that are tempered and count variants fairly."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from chatter_core.evidence.failures import Failure
-from chatter_core.evidence.power import ENOUGH
+from chatter_core.evidence.power import ENOUGH, USUAL
 from chatter_core.evidence.ranking import NOTHING, NOTHING_MISSING, TEMPER, Ranked, rank
-from chatter_core.evidence.verdict import decide, leading_pair
+from chatter_core.evidence.verdict import NAMED, decide, leading_pair
 
 
 @dataclass(frozen=True)
@@ -204,3 +206,21 @@ def test_variants_share_the_prior_of_their_effect():
     # Of two variants one explains nothing: half the prior is lost.
     assert two[0].gain == pytest.approx(15.0 - np.log(2.0))
     assert two[0].best.fit.log_evidence == 15.0
+
+
+def named_in(nats: float) -> float:
+    """Return how often an effect of usual size that leaves so much is named, alone against nothing missing.
+
+    One datum of unit noise, g times a strength whose prior is half-normal with unit width; its evidence is exact.
+    """
+    slope = math.sqrt(2.0 * nats) / USUAL
+    datum = np.linspace(0.0, 4.0 * math.sqrt(2.0 * nats), 100001)
+    scaled = slope * datum / math.sqrt(1.0 + slope**2)
+    gain = math.log(2.0) - 0.5 * math.log1p(slope**2) + 0.5 * scaled**2 + norm.logcdf(scaled)
+    named = TEMPER * gain - NOTHING_MISSING >= math.log(NAMED / (1.0 - NAMED))
+    return float(norm.sf(datum[np.argmax(named)] - math.sqrt(2.0 * nats)))
+
+
+def test_what_counts_as_seen_is_mostly_named():
+    assert named_in(ENOUGH) == pytest.approx(2.0 / 3.0, abs=0.05)
+    assert named_in(0.5 * ENOUGH) < 0.3

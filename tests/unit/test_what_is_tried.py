@@ -1,11 +1,15 @@
 """Which effects a diagnosis tries on a machine, in which variants, and why others are not."""
 
+from typing import ClassVar
+
 import numpy as np
 import pytest
 
+from chatter_core.effects import Scan
+from chatter_core.effects.directional_asymmetry import DirectionalAsymmetry
 from chatter_core.evidence.measured import DIRECTIONS
 from pipeline.campaigns import model_of
-from pipeline.diagnosis import candidates_of, not_tried
+from pipeline.diagnosis import candidate_of, candidates_of, not_tried
 from pipeline.model_file import Content
 from tests.synthetic import campaign, machine_of_modes, tip_machine, trials
 
@@ -42,6 +46,17 @@ def test_of_one_measured_mode_none_are_restored():
         [],
         "modes is 2, allowed: up to 1, as many as were measured of an axis",
     )
+
+
+def test_what_is_told_of_parameters_that_are_unused_is_left_out():
+    class Odd(DirectionalAsymmetry):
+        scan: ClassVar[Scan | None] = Scan(parameter="rear_difference", values=(0.5, 1.0))
+        heard: ClassVar[str | None] = "rear_difference"
+
+    modes, seats = (candidate_of(Odd(where=where, axis="y"), np.inf) for where in ("modes", "seats"))
+    assert (modes.shapes, modes.scan, modes.heard) == ((), None, None)
+    name = f"{Odd.name()}.rear_difference"
+    assert (seats.shapes, seats.scan, seats.heard) == ((name,), (name, (0.5, 1.0)), name)
 
 
 SLOT, DOWN = {"direction": "slot", "radial_immersion": 1.0}, {"direction": "down", "radial_immersion": 0.5}

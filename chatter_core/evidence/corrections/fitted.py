@@ -16,7 +16,6 @@ from chatter_core.evidence.failures import Failure, failures
 from chatter_core.evidence.fit import Fit, free_parameters, height, maximise, result
 from chatter_core.evidence.newton import Climb, Maximum
 from chatter_core.evidence.parameters import Array
-from chatter_core.evidence.power import ENOUGH
 from chatter_core.evidence.prediction import CampaignModel
 from chatter_core.evidence.pursuit import LEFT_GAIN
 from chatter_core.evidence.verdict import failed_checks
@@ -24,9 +23,9 @@ from chatter_core.units import si_factor
 
 #: Places at which a curve is told.
 PLACES = 60
-#: Log evidence over that of the base model [nats] below which a quadratic of the posterior at the start is believed:
-#: it would have to be off by twice what it takes to be wanted.
-HOPELESS = -ENOUGH
+#: Log evidence over that of the base model [nats] by which measurements want a correction, and below which a quadratic
+#: of the posterior at the start is believed: it would have to be off by twice what it takes to be wanted.
+WANTED, HOPELESS = 5.0, -5.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,8 +59,8 @@ class Told:
 
     @property
     def wanted(self) -> bool:
-        """Whether the measurements want it: by the evidence with which an effect counts as seen."""
-        return self.gain >= ENOUGH
+        """Whether the measurements want it."""
+        return self.gain >= WANTED
 
     @property
     def mends(self) -> bool:
