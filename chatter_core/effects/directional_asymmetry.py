@@ -22,7 +22,8 @@ class DirectionalAsymmetry(Effect):
     along that axis, as a spring in series with the bearings of each, 1/k -> 1/k + exp(d s) (exp(a) - 1)/k_0, where k_0
     is the stiffness of the front seat's bearings at the lowest speed and s the place of a seat, 0 at the front one and
     1 at the rearmost: ribs and feet are at one end. Modes that move the shaft then differ, and those that bend the tool
-    hardly do. Valid while the principal directions are x and y.
+    hardly do. Valid while the principal directions are x and y, and for one preload: k_0 is that of the one in force,
+    so at another one the same loss is another spring.
 
     Source: none for the modes, the plainest law that tells the axes apart; Y. Altintas, Manufacturing Automation, 2nd
     ed. (2012), chapter 3 (springs in series). Rotors and their bearings alone are alike in both.

@@ -87,12 +87,13 @@ def receptance_rows(spindle: Spindle, scheme: Scheme, rng: Generator) -> list[Ro
 
 
 def mode_rows(spindle: Spindle, scheme: Scheme, rng: Generator) -> list[Row]:
-    """Measure the natural frequencies of the first four modes in x."""
+    """Measure the natural frequencies of the first four modes in x; of a turned structure, of those mostly along x."""
     rows: list[Row] = []
     for rpm in scheme.modes_rpm:
         speed = rpm * math.pi / 30.0
         tip = spindle.tip(speed, thermal_target(spindle.hidden, speed))
-        of_x = tip.eigenvalue[np.abs(tip.output[:, 0]) > 0.0]
+        along, across = np.abs(tip.output).T
+        of_x = tip.eigenvalue[along > (across if spindle.hidden.y_turn_rad else 0.0)]
         for number, value in enumerate(of_x[np.argsort(np.abs(of_x))][:4], start=1):
             frequency = abs(value) / (2.0 * math.pi) * (1.0 + FREQUENCY * rng.standard_normal())
             ratio = -value.real / abs(value) * math.exp(DAMPING_RATIO * rng.standard_normal())
