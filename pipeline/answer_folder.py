@@ -103,11 +103,12 @@ def write_whole(write: Callable[[Path], list[Path]], output: Path, earlier: Iter
     with TemporaryDirectory(prefix=BESIDE, dir=output) as folder:
         beside = Path(folder)
         names = [path.relative_to(beside) for path in write(beside)]
-        require_room(output, names)
+        over = {*map(Path, earlier)} - {*names}
+        require_room(output, [*names, *over])
         with held_back():
             for name in names:
                 (output / name).parent.mkdir(exist_ok=True)
                 (beside / name).replace(output / name)
-            for known in {*map(Path, earlier)} - {*names}:
-                (output / known).unlink(missing_ok=True)
+            for name in over:
+                (output / name).unlink(missing_ok=True)
     return [output / name for name in names]

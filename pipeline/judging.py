@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import CampaignModel
 from chatter_core.reading import shown
-from pipeline import comparison_document, comparison_page, diagnosis_document, improvement_page, model_file
+from pipeline import comparison_document, diagnosis_document, improvement_page, model_file
 from pipeline.answer_folder import refuse_foreign, refuse_unwritten, require_room, write_whole
 from pipeline.campaigns import Asked, options_of, read
 from pipeline.cluster import Workers, open_client
@@ -31,8 +31,8 @@ Found = TypeVar("Found")
 
 #: Where every answer holds its model.
 MODEL = "model.yaml"
-#: Documents by which a folder says of which campaign its answer is, and all files that there may be beside.
-ANSWERS = {comparison_document.DOCUMENT: comparison_page.FILES, diagnosis_document.DOCUMENT: improvement_page.FILES}
+#: Documents by which a folder says of which campaign its answer is.
+DOCUMENTS = (comparison_document.DOCUMENT, diagnosis_document.DOCUMENT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,16 +94,16 @@ def _refuse_loss(verb: Verb[Found], output: Path, options: JudgingOptions, asked
     places = [os.path.realpath(output / file) for file in verb.files]
     if options.model is not None and os.path.realpath(options.model) in places:
         raise InvalidInput([f"output: {output} holds the model that is read; name another folder"])
-    for document in ANSWERS:
+    for document in DOCUMENTS:
         before = _campaign_of(output / document)
         if before is None:
             refuse_unwritten(output, [document])
         if before not in (None, asked.name):
             raise InvalidInput([f"output: {output} holds the answer for campaign {shown(before)}; name another folder"])
     _refuse_namesake(output, asked)
-    refuse_foreign(output, ANSWERS)
+    refuse_foreign(output, DOCUMENTS)
     require_room(output, verb.files)
-    if not any((output / document).exists() for document in ANSWERS):
+    if not any((output / document).exists() for document in DOCUMENTS):
         refuse_unwritten(output, verb.files)
 
 
@@ -125,7 +125,8 @@ def _campaign_of(document: Path) -> str | None:
 
 def _write(verb: Verb[Found], found: Found, asked: Asked, output: Path) -> list[Path]:
     """Write everything and return the paths."""
-    # What an earlier answer had to show beside the same document, and this one has not, would speak of another model.
-    replaced = [document for document in ANSWERS if document in verb.files and (output / document).exists()]
-    earlier = [name for document in replaced for name in ANSWERS[document]]
+    # What an earlier answer had to show, and this one has not, would speak of other measurements, or of another model:
+    # of an improvement its history, too, where a diagnosis takes the place of its first one.
+    replaced = diagnosis_document.DOCUMENT in verb.files and _campaign_of(output / improvement_page.LAST) == asked.name
+    earlier = improvement_page.FILES if replaced else ()
     return write_whole(lambda folder: verb.write(found, asked, folder), output, [*verb.files, *earlier])

@@ -291,18 +291,14 @@ class Study(Part):
             **own,
             "method": _plain(self.method),
             # Without effects nothing is said of them: a study of the base model stays what it was.
-            **({"effects": self._effects_in_force()} if self.effects else {}),
+            **({"effects": effects} if (effects := self._recorded_effects()) else {}),
             # Where a user's folder lies is not science; what its files say is.
             **({"own_effects": digests} if (digests := own_digests(self.effects, self.effects_path)) else {}),
         }
 
-    def _effects_in_force(self) -> dict[str, dict[str, Any]]:
-        """Return the effects that are on with what says something of each."""
-        unused = {name: activate(name, said, self.effects_path).effect.unused for name, said in self.effects.items()}
-        return {
-            name: {key: value for key, value in said.items() if key not in unused[name]}
-            for name, said in self.effects.items()
-        }
+    def _recorded_effects(self) -> dict[str, dict[str, Any]]:
+        """Return what is recorded of the effects that are on: all that is said."""
+        return self.effects
 
     def record(self) -> str:
         """Return study and scientific settings as yaml."""
@@ -320,6 +316,14 @@ class Settings(Study):
     grid: Grid = Field(description="grid of a sweep")
 
     own_science: ClassVar[tuple[str, ...]] = ("grid",)
+
+    def _recorded_effects(self) -> dict[str, dict[str, Any]]:
+        """Return the effects that are on with what says something of each: no choice varies in a sweep."""
+        unused = {name: activate(name, said, self.effects_path).effect.unused for name, said in self.effects.items()}
+        return {
+            name: {key: value for key, value in said.items() if key not in unused[name]}
+            for name, said in self.effects.items()
+        }
 
     @model_validator(mode="after")
     def _preload_belongs_to_a_spindle(self) -> Self:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 from pipeline.telling import note
 
@@ -61,14 +62,18 @@ def heard(*numbers: signal.Signals) -> list[signal.Signals]:
 
 @contextmanager
 def held_back() -> Iterator[None]:
-    """Let signals that ask for the end wait until what must not be broken off is done; it is short."""
+    """Let signals that ask for the end wait until what must not be broken off is done; it is short.
+
+    The run then ends as one that was stopped, although that is done.
+    """
     if threading.current_thread() is not threading.main_thread():
         # Handlers run in the main thread, and disturb no other.
         yield
         return
-    came: list[int] = []
-    before = {one: signal.signal(one, lambda number, frame: came.append(number)) for one in heard(*SIGNALS)}
+    came, before = list[int](), dict[int, Any]()
     try:
+        for one in heard(*SIGNALS):
+            before[one] = signal.signal(one, lambda number, frame: came.append(number))
         yield
     finally:
         for number, handler in before.items():

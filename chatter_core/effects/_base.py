@@ -30,7 +30,7 @@ class Setting:
     name: str
     doc: str
     choices: tuple[str | int, ...]
-    unused: Mapping[str | int, tuple[str, ...]] = field(default_factory=dict)
+    unused: Mapping[str | int, tuple[str, ...]] = field(default_factory=dict, hash=False)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -46,7 +46,9 @@ def activate(name: str, data: Mapping[str, Any], own: Path | None = None) -> Act
     keys = [*(parameter.name for parameter in kind.declared), *(setting.name for setting in kind.settings)]
     problems = [f"effects.{name}.{key}: unknown key; {nearest(str(key), keys)}" for key in data if key not in keys]
     chosen, wrong = _chosen(kind, data)
-    unused = () if chosen is None else chosen.unused
+    # Of choices that are wrong nobody knows what they would leave unused.
+    perhaps = {name for setting in kind.settings for names in setting.unused.values() for name in names}
+    unused = perhaps if chosen is None else chosen.unused
     for parameter in kind.declared:
         key = f"effects.{name}.{parameter.name}"
         if parameter.name in data:

@@ -14,8 +14,8 @@ MOST_OF_A_FREQUENCY = 2.0
 #: that width. A prior may be wider, for strengths that differ by decades: that makes no effect easier to see.
 USUAL = 0.6745
 #: An effect that would leave less than this could not be told [nats]. By the odds and the temper of a ranking one that
-#: leaves so much is named two times of three. Of five tests' answers of `none` it takes back four of 59 that hide
-#: something and none of 86 that do not; 5 nats take back one and none, 12 take back eight and one.
+#: leaves so much is named two times of three. Of the answers `none` in ``benchmarks/blind/answers`` it takes back four
+#: of 59 where something is hidden and none of 86 where nothing is; 5 nats take back one and none, 12 eight and one.
 ENOUGH = 10.0
 
 

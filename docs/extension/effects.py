@@ -1,8 +1,9 @@
 """Every effect of the library: its law, parameters, choices and configured values."""
 
 import inspect
+from collections.abc import Iterator
 
-from chatter_core.effects import Effect, effect_class, effect_names, variants
+from chatter_core.effects import Effect, Setting, effect_class, effect_names, variants
 from extension.docstrings import as_markdown
 from extension.tables import block, table
 from pipeline.configuration import CONFIGS, EFFECTS
@@ -28,12 +29,17 @@ def _adds(effect: type[Effect]) -> str:
 def _section(effect: type[Effect]) -> str:
     parts = [f"\n## {effect.name()}\n", as_markdown(inspect.getdoc(effect) or ""), "\n", _parameters(effect)]
     if effect.settings:
-        rows = (
-            [f"`{one.name}`", one.doc, ", ".join(f"`{choice}`" for choice in one.choices)] for one in effect.settings
-        )
+        rows = ([f"`{one.name}`", one.doc, ", ".join(_choices(one))] for one in effect.settings)
         parts.append(table(["choice", "meaning", "allowed"], rows))
     values = (CONFIGS / EFFECTS / f"{effect.name()}.yaml").read_text(encoding="utf-8")
     return "\n".join([*parts, f"`configs/effects/{effect.name()}.yaml`\n", block(values, "yaml")])
+
+
+def _choices(setting: Setting) -> Iterator[str]:
+    """Yield what may be chosen, and what that leaves nothing to say."""
+    for choice in setting.choices:
+        unused = " and ".join(f"`{name}`" for name in setting.unused.get(choice, ()))
+        yield f"`{choice}`" + (f" (without {unused})" if unused else "")
 
 
 def _parameters(effect: type[Effect]) -> str:

@@ -1,4 +1,4 @@
-"""Make many campaigns: python -m tests.hidden_effect.blind {calibration,test,second,third} FOLDER [--count N] [..].
+"""Make many campaigns: python -m tests.hidden_effect.blind SEEDS FOLDER [--count N] [..], seeds as ``design`` has them.
 
 FOLDER/campaigns/SEED is what a diagnosis may see, FOLDER/truth/SEED what it may not. A campaign whose seal holds is
 not made again, so an interrupted run is continued by the same command.

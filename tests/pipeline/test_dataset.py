@@ -369,6 +369,20 @@ def test_a_sweep_says_that_a_data_set_is_another_verbs(tmp_path, capsys):
     assert "python -m pipeline dataset" in capsys.readouterr().err
 
 
+def test_a_choice_of_an_effect_may_vary_with_what_it_leaves_unused(tmp_path):
+    words = [
+        "study=dataset_small", "effects=[directional_asymmetry]", "cluster=serial", "design.machines=2",
+        "design.spindle_speed_rpm=[9000]", "vary.effects.directional_asymmetry.where=[modes, seats]",
+    ]  # fmt: skip
+    assert dataset.run([*words, f"output={tmp_path / 'out'}"]) == 0
+    found = values(tmp_path / "out")
+    assert (found["status"] == 1).all()
+    # What is softer differs, along y alone.
+    frequency = found["natural_frequency"][:, 0]
+    assert np.array_equal(frequency[0, 0], frequency[1, 0])
+    assert not np.isclose(frequency[0, 1], frequency[1, 1], rtol=1e-3).all()
+
+
 def test_a_design_of_ones_own_and_an_effect_of_the_command_line(quick, tmp_path):
     own = tmp_path / "design.yaml"
     own.write_text(

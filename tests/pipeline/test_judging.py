@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 import yaml
 
+from chatter_core.errors import InvalidInput
 from pipeline.__main__ import Terminated, main
 from pipeline.answer_folder import write_whole
-from pipeline.judging import ANSWERS
+from pipeline.judging import DOCUMENTS
 from pipeline.locking import locked
 
 CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
@@ -137,7 +138,7 @@ def test_a_model_that_is_given_is_named_and_known_by_what_it_was_fitted_to(tmp_p
 
 
 @every_verb
-@pytest.mark.parametrize("document", ANSWERS)
+@pytest.mark.parametrize("document", DOCUMENTS)
 def test_an_answer_is_not_written_over_that_of_another_campaign(tmp_path, capsys, quick, verb, document):
     (tmp_path / document).write_text(json.dumps({"campaign": "r02"}))
     said = refused(capsys, verb, f"campaign={quick}", f"output={tmp_path}")
@@ -245,6 +246,25 @@ def test_what_cannot_be_written_leaves_what_was_there(tmp_path, capsys, monkeypa
     assert (tmp_path / "old" / MARKS[verb]).read_text() == EARLIER
 
 
+def test_a_diagnosis_in_the_place_of_a_diagnosis_leaves_what_is_called_as_a_history(tmp_path, quick):
+    words = ["diagnose", f"campaign={quick}", f"output={tmp_path}", SERIAL]
+    main(words)
+    (tmp_path / "history.csv").write_text("mine")
+    main(words)
+    assert (tmp_path / "history.csv").read_text() == "mine"
+
+
+def test_what_is_no_file_in_the_place_of_an_earlier_one_is_told_before_anything_is_moved(tmp_path):
+    def write(folder):
+        (folder / "one").write_text("new")
+        return [folder / "one"]
+
+    (tmp_path / "two").mkdir()
+    with pytest.raises(InvalidInput, match="two is a folder, and a file of the answer is called so"):
+        write_whole(write, tmp_path, ["two"])
+    assert {path.name for path in tmp_path.iterdir()} == {"two"}
+
+
 def test_a_signal_while_files_are_moved_waits_for_the_last(tmp_path, monkeypatch):
     def end(number, frame):
         raise Terminated(number)
@@ -301,7 +321,7 @@ def test_answers_to_one_campaign_may_share_a_folder(tmp_path, capsys, quick, ver
         (output / name).write_text(json.dumps({"campaign": quick.name}))
     assert main([verb, f"campaign={quick}", f"output={output}", SERIAL]) == 1
     found = files_in(output)
-    assert FILES[verb] | others & {*ANSWERS} <= found
+    assert FILES[verb] | others & {*DOCUMENTS} <= found
     if MARKS[verb] == MARKS["improve"]:
         # A history of an improvement speaks of another model than the diagnosis that has taken its place.
         assert not (FILES["improve"] - FILES[verb]) & found

@@ -1,11 +1,13 @@
 """Candidates: a hidden effect of the library is found with its size, and none where nothing is hidden."""
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from chatter_core.effects import variants
+from chatter_core.effects.process_damping import ProcessDamping
 from chatter_core.evidence import CampaignModel, Comparison, base_model, calibrate
 from chatter_core.evidence.candidates import Hypothesis, at_nulls, extended, slope_of
 from chatter_core.evidence.fit import free_parameters, maximise
@@ -14,6 +16,7 @@ from chatter_core.evidence.next_trial import next_trial
 from chatter_core.evidence.power import ENOUGH, power
 from chatter_core.evidence.pursuit import LEFT_GAIN, fit_hypothesis, ground, refit
 from chatter_core.evidence.ranking import NOTHING, rank
+from chatter_core.parameters import Parameter
 from pipeline.diagnosis import candidate_of
 from pipeline.search import CLOSE
 from tests.synthetic import RPM, campaign, measured, tip_machine, trials
@@ -110,6 +113,18 @@ def test_power_tells_what_would_be_seen_from_what_would_not(damped):
     quick = replace(fast, trials=replace(fast.trials, spindle_speed=20.0 * fast.trials.spindle_speed))
     fast_base = base_of(quick)
     assert power(fast_base, PROCESS_DAMPING, slope_of(fast_base)).nats < ENOUGH
+
+
+def test_a_wider_prior_makes_no_effect_easier_to_see(damped):
+    (usual,) = ProcessDamping.declared
+
+    class Wide(ProcessDamping):
+        declared: ClassVar[tuple[Parameter, ...]] = (
+            replace(usual, prior_width=5.0 * usual.prior_width, search_width=usual.prior_width),
+        )
+
+    base, slope = damped[0], slope_of(damped[0])
+    assert power(base, candidate_of(Wide(), np.inf), slope).nats == power(base, PROCESS_DAMPING, slope).nats
 
 
 def test_what_can_only_go_down_leaves_something_too():

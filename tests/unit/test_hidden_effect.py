@@ -20,6 +20,7 @@ from tests.hidden_effect.design import SEEDS, plan
 from tests.hidden_effect.drawing import draw_machine
 from tests.hidden_effect.effects import FOREIGN, NAMED, prepared
 from tests.hidden_effect.hidden import Hidden, thermal_history, thermal_target
+from tests.hidden_effect.measure import draw_scheme, mode_rows
 from tests.hidden_effect.structure import RECEPTANCE_MODES, Spindle, workpiece
 from tests.hidden_effect.trial import Condition, cut_of
 
@@ -102,6 +103,20 @@ def test_seats_that_give_along_no_axis(turn):
     # Fourteen modes of a plane lack up to 5e-3 of what it gives; the axes are coupled by more where they are at all.
     assert found == pytest.approx(expected, abs=5e-3 * expected.max())
     assert (abs(expected[0, 1]) > 2e-2 * expected.max()) == (turn != 0.0)
+
+
+def test_of_a_turned_structure_the_modes_along_x_are_measured():
+    papers, _ = draw_machine(np.random.default_rng(3))
+    scheme = draw_scheme(np.random.default_rng(1), 9000.0, ("directional_asymmetry",))
+    scheme = replace(scheme, modes_rpm=(0.0, 9000.0))
+    along_y = Hidden(front_seat_y_m_n=2e-8, rear_seat_y_share=0.4)
+    straight, turned, alike = (
+        mode_rows(Spindle(papers, hidden), scheme, np.random.default_rng(2))
+        for hidden in (along_y, replace(along_y, y_turn_rad=0.35), Hidden())
+    )
+    # Along x a seat that gives in y is as if it did not.
+    assert straight == turned == alike
+    assert len(straight) == 8
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from chatter_core.evidence.candidates import Candidate, Hypothesis, carried, ext
 from chatter_core.evidence.fit import fit
 from chatter_core.evidence.measured import OUTCOMES, Limits
 from chatter_core.evidence.next_measurement import AT_REST, TURNING, divergence, next_receptances, other_cuts
-from chatter_core.evidence.next_trial import next_trial
+from chatter_core.evidence.next_trial import expected_chatter, next_trial
 from tests.synthetic import RPM, campaign, tip_machine, trials
 
 SPEED, DEPTH = (
@@ -48,6 +48,21 @@ def sure(hypothesis, share=1e-6):
     """A hypothesis that doubts its parameters by a share of what it did."""
     fit = hypothesis.fit
     return replace(hypothesis, fit=replace(fit, standard_deviation=share * fit.standard_deviation))
+
+
+def test_a_cut_is_called_wrongly_as_often_as_was_fitted(base):
+    place = [parameter.name for parameter in base.fit.parameters].index("mislabelled")
+
+    def called(factor):
+        estimate = base.fit.estimate.copy()
+        estimate[place] = np.log(factor)
+        return expected_chatter(
+            replace(base, fit=replace(base.fit, estimate=estimate)), base.comparison.model.campaign.trials
+        )
+
+    # Usual are 4 %, of stable cuts and of those with chatter alike.
+    chatters = (called(1.0) - 0.04) / 0.92
+    assert called(2.0) == pytest.approx(0.08 + 0.84 * chatters, rel=1e-12)
 
 
 def test_ploughing_shows_in_slow_cuts_and_in_no_receptance(base):
