@@ -113,14 +113,14 @@ def decide(
         return _with_rest(_named(ranking) if pair is None else _two(pairs), checks)
     if pair is not None:
         return _two(pairs)
-    return _nothing(ranking, powers) if first.name == NOTHING and not checks else _named(ranking)
+    if first.name == NOTHING:
+        return _perhaps(ranking) if checks else _nothing(ranking, powers)
+    return _named(ranking)
 
 
 def _another_suffices(ranking: Sequence[Ranked], left: Mapping[str, Sequence[Failure]]) -> bool:
-    """Return whether one that the first does not rule out passes every check."""
-    return ranking[0].probability < NAMED and any(
-        not failed_checks(left[one.name]) for one in not_ruled_out(ranking)[1:]
-    )
+    """Return whether one that the first does not rule out passes every check; an effect that is named rules out all."""
+    return not is_sure(ranking) and any(not failed_checks(left[one.name]) for one in not_ruled_out(ranking)[1:])
 
 
 def _takes_back(
@@ -186,6 +186,7 @@ def _nothing(ranking: Sequence[Ranked], powers: Sequence[Power]) -> Verdict:
     if first.probability < NOTHING_NAMED:
         return _perhaps(ranking)
     names = {power.candidate.name for power in powers}
+    blind = [power for power in powers if power.nats < ENOUGH]
     seen = {power.candidate.name for power in powers if power.nats >= ENOUGH}
     if len(seen) < SEEN_SHARE * len(names):
         text = (
@@ -193,8 +194,9 @@ def _nothing(ranking: Sequence[Ranked], powers: Sequence[Power]) -> Verdict:
             "size."
         )
         return Verdict(kind="underpowered", missing=(), text=text)
-    blind = sorted(names - seen)
-    unseen = f" Not seen at their usual size would be {', '.join(blind)}." if blind else ""
+    # Of an effect of which some variants would have been seen the others are told.
+    told = {power.candidate.name if power.candidate.name not in seen else str(power.candidate) for power in blind}
+    unseen = f" Not seen at their usual size would be {', '.join(sorted(told))}." if told else ""
     text = f"Nothing is missing that these measurements show (probability {first.probability:.2f}).{unseen}"
     return Verdict(kind="none", missing=(), text=text)
 

@@ -57,6 +57,17 @@ def test_nothing_seen_by_measurements_that_are_blind_is_no_answer():
     assert decided([ranked(NOTHING, 0.9, 0.0), ranked("a", 0.1, -1.0)], powers=BLIND).kind == "underpowered"
 
 
+def test_what_would_not_have_been_seen_is_told_by_its_variant_where_another_would_have_been():
+    class Variant(Named):
+        def __str__(self):
+            return f"{self.name} ({self.names[0]})"
+
+    powers = [Seen(Variant(name, (axis,)), nats) for name, axis, nats in (("a", "x", 50.0), ("a", "y", 1.0))]
+    powers += [Seen(Variant("b", ("x",)), 1.0), Seen(Variant("b", ("y",)), 2.0)]
+    found = decided([ranked(NOTHING, 0.9, 0.0), ranked("a", 0.1, -1.0)], powers=powers)
+    assert found.text.endswith("Not seen at their usual size would be a (y), b.")
+
+
 def test_what_fails_without_any_candidate_that_helps_is_unexplained():
     found = decided([ranked(NOTHING, 0.9, 0.0), ranked("a", 0.1, -1.0)], **{NOTHING: [failure(0.001)]})
     assert found.kind == "unexplained"
@@ -173,8 +184,9 @@ def test_unexplained_is_not_said_where_one_that_is_not_ruled_out_passes():
     assert decided(tied, **left).missing == ("a", "b")
     ruled_out = [ranked("a", 0.9, 20.0), ranked("b", 0.1, 15.0)]
     assert decided(ruled_out, **left).kind == "unexplained"
-    nothing = [ranked(NOTHING, 0.5, 0.0), ranked("a", 0.45, 4.0)]
-    assert decided(nothing, **{NOTHING: [failure(0.001)]}).kind == "underpowered"
+    for probability in (0.5, 0.85):
+        nothing = [ranked(NOTHING, probability, 0.0), ranked("a", 0.98 - probability, 4.0)]
+        assert decided(nothing, **{NOTHING: [failure(0.001)]}).kind == "underpowered"
 
 
 def test_nothing_is_not_said_where_effects_together_are_more_probable():
