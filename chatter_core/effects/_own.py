@@ -49,7 +49,7 @@ def _findings(kind: "type[Effect]") -> Iterator[str]:
     if kind.stage not in ARROWS:
         yield f"stage: found {kind.stage!r}; {nearest(str(kind.stage), list(ARROWS))}"
     yield from _findings_of_parameters(kind)
-    names = [one.name for one in kind.declared if isinstance(one, Parameter)] if _is_tuple(kind.declared) else []
+    names = list(_declared(kind))
     yield from _unknown("shapes", kind.shapes, names)
     yield from _unknown("heard", () if kind.heard is None else (kind.heard,), names)
     yield from _findings_of_scan(kind)
@@ -82,9 +82,7 @@ def _findings_of_parameters(kind: "type[Effect]") -> Iterator[str]:
 
 def _findings_of_scan(kind: "type[Effect]") -> Iterator[str]:
     scan = kind.scan
-    declared = (
-        {one.name: one for one in kind.declared if isinstance(one, Parameter)} if _is_tuple(kind.declared) else {}
-    )
+    declared = _declared(kind)
     if scan is None:
         return
     if isinstance(scan, type) or not hasattr(scan, "with_waves"):
@@ -131,9 +129,8 @@ def _findings_of_unused(kind: "type[Effect]", setting: "Setting") -> Iterator[st
         return
     choices = [*map(str, setting.choices)]
     yield from (f"{key}: found {one!r}; {nearest(str(one), choices)}" for one in unused if one not in setting.choices)
-    declared = kind.declared if _is_tuple(kind.declared) else ()
     for names in unused.values():
-        yield from _unknown(key, names, [one.name for one in declared if isinstance(one, Parameter)])
+        yield from _unknown(key, names, _declared(kind))
 
 
 def _findings_of_making(kind: "type[Effect]") -> Iterator[str]:
@@ -175,6 +172,11 @@ def _unknown(key: str, found: Any, allowed: Iterable[str]) -> Iterator[str]:
         return
     known = list(allowed)
     yield from (f"{key}: found {name!r}; {nearest(str(name), known)}" for name in found if name not in known)
+
+
+def _declared(kind: "type[Effect]") -> dict[str, Parameter]:
+    """Return the parameters that a class declares, by name, as far as they are any."""
+    return {one.name: one for one in kind.declared if isinstance(one, Parameter)} if _is_tuple(kind.declared) else {}
 
 
 def _is_tuple(found: object) -> bool:
