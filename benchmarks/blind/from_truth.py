@@ -20,6 +20,7 @@ from benchmarks.blind.kept_rows import keep_row, kept_rows
 from benchmarks.blind.shared_amplitudes import AXES, JOINTS, free_ring, variation, workpiece
 from benchmarks.blind.summary import markdown
 from benchmarks.blind.tables import write_rows
+from chatter_core.effects.directional_asymmetry import REFERENCE_PRELOAD
 from chatter_core.evidence import Comparison, base_model, calibrate, read_campaign
 from chatter_core.evidence.belief import PRIORS
 from chatter_core.evidence.candidates import Candidate, Hypothesis, extended
@@ -84,7 +85,7 @@ def _damping(hidden: Hidden, machine: Machine) -> Beginning:
 
 
 def _asymmetry(hidden: Hidden, machine: Machine) -> Beginning:
-    share = hidden.front_seat_y_m_n / seat_compliance(machine)
+    share = hidden.front_seat_y_m_n / seat_compliance(replace(machine, preload_n=REFERENCE_PRELOAD))
     # A rear seat that does not give at all is one that gives a twentieth: the program's law goes no lower.
     difference = math.log(max(hidden.rear_seat_y_share, 0.05))
     losses = [{"stiffness_loss": math.log(1.0 + part * share), "rear_difference": difference} for part in (0.3, 1.0)]

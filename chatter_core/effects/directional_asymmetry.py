@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from chatter_core.bearing import BearingState
+from chatter_core.bearing import BearingState, axisymmetric_state
 from chatter_core.effects._base import Effect, Scan, Setting
 from chatter_core.errors import InvalidInput
 from chatter_core.machine import Machine, Spindle
@@ -13,17 +13,20 @@ from chatter_core.parameters import Array, Parameter
 from chatter_core.stages import KnownModes
 from chatter_core.tip import AXES, TipModes
 
+#: Axial preload on every single bearing at which seats have lost their stated share [N].
+REFERENCE_PRELOAD = 100.0
+
 
 @dataclass(frozen=True, kw_only=True)
 class DirectionalAsymmetry(Effect):
     """k -> k exp(-a) along one axis, of the modes at the tip, or of the bearing seats.
 
     Modes: all of that axis, masses and damping ratios unchanged, so w -> w exp(-a/2). Seats: what holds them gives
-    along that axis, as a spring in series with the bearings of each, 1/k -> 1/k + exp(d s) (exp(a) - 1)/k_0, where k_0
-    is the stiffness of the front seat's bearings at the lowest speed and s the place of a seat, 0 at the front one and
-    1 at the rearmost: ribs and feet are at one end. Modes that move the shaft then differ, and those that bend the tool
-    hardly do. Valid while the principal directions are x and y, and for one preload: k_0 is that of the one in force,
-    so at another one the same loss is another spring.
+    along that axis, as a spring in series with the bearings of each, 1/k -> 1/k + exp(d s) (exp(a) - 1)/k_0, where s is
+    the place of a seat, 0 at the front one and 1 at the rearmost: ribs and feet are at one end. k_0 is the stiffness of
+    the front seat's bearings at rest under ``REFERENCE_PRELOAD``, so that the spring is the same at every preload.
+    Modes that move the shaft then differ, and those that bend the tool hardly do. Valid while the principal directions
+    are x and y.
 
     Source: none for the modes, the plainest law that tells the axes apart; Y. Altintas, Manufacturing Automation, 2nd
     ed. (2012), chapter 3 (springs in series). Rotors and their bearings alone are alike in both.
@@ -78,7 +81,7 @@ class DirectionalAsymmetry(Effect):
     def transform(self, before: Any, machine: Machine, values: tuple[float, ...]) -> Any:
         """Return the tip's modes or the seats' stiffness, less along one axis."""
         if self.where == "seats":
-            return self._softer_seats(before, *values)
+            return self._softer_seats(before, machine, *values)
         return self._softer_modes(before, *values)
 
     def _softer_modes(self, before: Any, loss: float) -> Any:
@@ -89,24 +92,22 @@ class DirectionalAsymmetry(Effect):
 
         return tip_modes
 
-    def _softer_seats(self, before: Any, loss: float, difference: float) -> Any:
-        axis = AXES.index(self.axis)
+    def _softer_seats(self, before: Any, machine: Machine, loss: float, difference: float) -> Any:
+        axis, front = AXES.index(self.axis), np.expm1(loss) / _front_at_rest(machine)
 
         def seat_stiffness(spindle: Spindle, state: BearingState) -> Array:
             stiffness = np.array(before(spindle, state))
-            along = np.exp(difference * np.array(spindle.seat_places))
-            compliance = along * np.expm1(loss) / _front_at_rest(spindle, state)
+            compliance = front * np.exp(difference * np.array(spindle.seat_places))
             stiffness[axis] /= 1.0 + compliance * stiffness[axis]
             return stiffness
 
         return seat_stiffness
 
 
-def _front_at_rest(spindle: Spindle, state: BearingState) -> float:
-    """Return the stiffness of the front seat's bearings at the lowest speed at which they have an equilibrium [N/m].
-
-    The chain follows bearings from standstill, whatever speeds are asked for.
-    """
-    front = min(spindle.bearings, key=lambda seat: seat.position)
-    lowest = int(np.argmin(np.where(state.solved, state.spindle_speed, np.inf)))
-    return float(state.radial_stiffness[lowest] * front.count)
+def _front_at_rest(machine: Machine) -> float:
+    """Return the stiffness of the front seat's bearings at rest under the reference preload [N/m]."""
+    assert machine.bearing is not None
+    assert machine.spindle is not None
+    front = min(machine.spindle.bearings, key=lambda seat: seat.position)
+    at_rest = axisymmetric_state(machine.bearing, REFERENCE_PRELOAD, np.zeros(1), "constant")
+    return float(at_rest.radial_stiffness[0] * front.count)

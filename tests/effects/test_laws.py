@@ -227,6 +227,20 @@ def test_seats_of_two_effects_act_in_series(reference_machine: Machine):
     assert 1.0 / x == pytest.approx(1.0 / plain[0] + 4e-9, rel=1e-12)
 
 
+def test_what_holds_the_seats_knows_no_preload(reference_machine: Machine):
+    """One spring beside bearings of any preload; under 100 N it takes the stated share from the front seat at rest."""
+    softer = {"where": "seats", "axis": "y", "stiffness_loss": 0.7, "rear_difference": 0.0}
+    springs = []
+    for preload in (50.0, 100.0, 600.0):
+        machine = reference_machine.with_preload(preload)
+        stages = model(machine, "directional_asymmetry", **softer)
+        x, y = stages.seat_stiffness(machine.spindle, structure(machine, SPEEDS, mode_count=1).bearing)
+        springs.append(1.0 / y - 1.0 / x)
+        if preload == 100.0:
+            assert x[0, 0] / y[0, 0] == pytest.approx(math.exp(0.7), rel=1e-12)
+    assert np.array(springs) == pytest.approx(np.full((3, len(SPEEDS), 2), springs[1][0, 0]), rel=1e-12)
+
+
 def test_a_table_has_the_less_sure_of_unlike_axes(reference_machine: Machine):
     values = {"where": "seats", "axis": "y", "stiffness_loss": 1.5, "rear_difference": 0.0}
     stages = model(reference_machine, "directional_asymmetry", **values)
