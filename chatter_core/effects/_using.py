@@ -1,7 +1,7 @@
 """Effects with values: from plain data, as a yaml says it, to the stages of a machine."""
 
 import itertools
-import math
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -85,7 +85,8 @@ def _problems(key: str, parameter: Parameter, value: Any) -> list[str]:
     """Return what is wrong with a parameter's value."""
     unit = f" {parameter.unit}" if parameter.unit else ""
     allowed = f"{parameter.lower:g} to {parameter.upper:g}{unit}"
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    # A whole number may be too large for a float, and is compared all the same.
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= sys.float_info.max:
         return [f"{key}: found {shown(value)}, allowed: a number, {allowed}"]
     if not parameter.lower <= value <= parameter.upper:
         return [f"{key}: found {value:g}{unit}, allowed: {allowed}"]
