@@ -100,6 +100,8 @@ def test_an_error_with_a_limit_that_the_model_has_not_is_a_least_one():
     [
         ("_median", lambda rng: (np.exp(rng.standard_normal(25)),), 1.0),
         ("_of_residuals", lambda rng: (0.3 * rng.standard_normal(20), 0.3), 0.3),
+        # Student's law with four degrees of freedom has twice the variance of its scale.
+        ("_of_limits", lambda rng: (0.1 * rng.standard_t(4.0, 12), 0.1), 0.1 * np.sqrt(2.0)),
     ],
 )
 def test_intervals_cover_as_stated(score, draw, truth):
