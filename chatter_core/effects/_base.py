@@ -84,7 +84,7 @@ class Effect(ShownAsCard, ABC):
 
     def card(self) -> Card:
         """Return its stage, what was chosen, and its parameters with their bounds."""
-        chosen = "".join(f", {setting.name} {getattr(self, setting.name)}" for setting in self.settings)
+        chosen = f", {self.what_is_chosen}" if self.settings else ""
         rows = tuple((one.name, one.doc, f"{one.lower:g} to {one.upper:g}", f"{one.null:g}") for one in self.used)
         columns = ("parameter", "meaning", "bounds", "without the effect")
         return Card(title=f"{self.name()}, on {self.acts_on}{chosen}", rows=rows, columns=columns)
@@ -98,6 +98,11 @@ class Effect(ShownAsCard, ABC):
     def acts_on(self) -> str:
         """The field of ``Stages`` that it transforms: its class's, unless a setting chooses another."""
         return self.stage
+
+    @property
+    def what_is_chosen(self) -> str:
+        """What was chosen, as a command line says it."""
+        return ", ".join(f"{setting.name}={getattr(self, setting.name)}" for setting in self.settings)
 
     @property
     def unused(self) -> tuple[str, ...]:

@@ -140,14 +140,13 @@ def _findings_of_making(kind: "type[Effect]") -> Iterator[str]:
             yield f"{field.name}: a field that is no setting, needed: a value, {field.name} = ..."
             return
     for choices in itertools.product(*(setting.choices for setting in kind.settings)):
-        so = dict(zip(chosen, choices, strict=True))
-        effect = kind(**so)
+        effect = kind(**dict(zip(chosen, choices, strict=True)))
         if effect.acts_on not in ARROWS:
             yield f"acts_on: found {effect.acts_on!r}; {nearest(str(effect.acts_on), list(ARROWS))}"
             return
         if all(one.name in kind.shapes for one in effect.used):
-            told_so = " with " + ", ".join(f"{name}={choice}" for name, choice in so.items()) if so else ""
-            yield f"declared: nothing says how strong it is{told_so}; needed: a parameter that is used and no shape"
+            so = f" with {effect.what_is_chosen}" if effect.settings else ""
+            yield f"declared: nothing says how strong it is{so}; needed: a parameter that is used and no shape"
             return
         yield from findings_of_touches(effect)
 

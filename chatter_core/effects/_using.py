@@ -53,7 +53,7 @@ def activate(name: str, data: Mapping[str, Any], own: Path | None = None) -> Act
         key = f"effects.{name}.{parameter.name}"
         if parameter.name in data:
             found = data[parameter.name]
-            problems += _problems(key, parameter, found) or _idle(key, parameter, found, data, chosen)
+            problems += _problems(key, parameter, found) or _idle(key, parameter, found, chosen)
         elif parameter.name not in unused:
             problems.append(f"{key}: missing; needed: {parameter.doc}")
     problems += wrong
@@ -73,12 +73,12 @@ def _chosen(kind: type[Effect], data: Mapping[str, Any]) -> tuple[Effect | None,
         return None, error.problems
 
 
-def _idle(key: str, parameter: Parameter, value: float, data: Mapping[str, Any], chosen: Effect | None) -> list[str]:
+def _idle(key: str, parameter: Parameter, value: float, chosen: Effect | None) -> list[str]:
     """Return what is wrong with a value of a parameter that says nothing with what is chosen."""
     if chosen is None or parameter.name not in chosen.unused or value == parameter.null:
         return []
-    settings = ", ".join(f"{setting.name}={data[setting.name]}" for setting in chosen.settings)
-    return [f"{key}: found {value:g}, which says nothing with {settings}; allowed: {parameter.null:g}, or none"]
+    found = f"{value:g}, which says nothing with {chosen.what_is_chosen}"
+    return [f"{key}: found {found}; allowed: {parameter.null:g}, or none"]
 
 
 def _problems(key: str, parameter: Parameter, value: Any) -> list[str]:
