@@ -26,6 +26,7 @@ from pipeline.cluster import Workers
 from pipeline.comparison_document import fit_data
 from pipeline.figures import COLOURS
 from pipeline.jobs import Job, spread
+from pipeline.telling import plain
 
 #: Panels in a row; colour of what the measurements do not ask for.
 COLUMNS, NOT_WANTED = 2, "0.6"
@@ -47,9 +48,8 @@ class Corrections:
 def correct(workers: Workers | None, base: Hypothesis) -> Corrections:
     """Fit every correction to what a base model leaves."""
     model = base.comparison.model
-    fits = spread(
-        workers, [Job(name=str(one), call=partial(fit_correction, base, one)) for one in corrections_of(model)]
-    )
+    offered = corrections_of(model, base.fit.estimate)
+    fits = spread(workers, [Job(name=str(one), call=partial(fit_correction, base, one)) for one in offered])
     # The base model gets the same chance to arrive as what is held against it.
     for one in sorted(fits, key=lambda one: -float(one.log_evidence))[:1]:
         base = refit(base, one.fit)
@@ -75,9 +75,9 @@ def _data(one: Told) -> dict[str, Any]:
         "fit": fit_data(one.corrected.fit),
         "places": one.places.tolist(),
         "level_without": one.level,
-        "factor": one.factor.tolist(),
-        "low": one.low.tolist(),
-        "high": one.high.tolist(),
+        "factor": plain(one.factor),
+        "low": plain(one.low),
+        "high": plain(one.high),
         "text": one.text,
     }
 
@@ -100,8 +100,11 @@ def _panel(axes: Axes, one: Told, campaign: Campaign) -> None:
     """Draw one correction, grey where it is not wanted."""
     correction = one.corrected.correction
     colour = COLOURS[0] if one.wanted else NOT_WANTED
-    axes.fill_between(one.places, one.low, one.high, color=colour, alpha=0.25, linewidth=0.0)
-    axes.plot(one.places, one.factor, color=colour, linewidth=1.8)
+    if one.corrected.climbed:
+        axes.fill_between(one.places, one.low, one.high, color=colour, alpha=0.25, linewidth=0.0)
+        axes.plot(one.places, one.factor, color=colour, linewidth=1.8)
+    else:
+        axes.text(0.5, 0.85, "not fitted: hopeless", transform=axes.transAxes, ha="center", color=colour)
     axes.axhline(1.0, color="black", linewidth=0.8)
     axes.axhline(one.level, color="black", linewidth=0.8, linestyle="--")
     unit = si_factor(correction.axis.name)
@@ -110,7 +113,9 @@ def _panel(axes: Axes, one: Told, campaign: Campaign) -> None:
         measured, np.zeros(len(measured)), "|", color="black", transform=axes.get_xaxis_transform(), clip_on=False
     )
     axes.set_yscale("log")
-    axes.set_ylim(min(1.0 / LEAST_REACH, 0.95 * one.low.min()), max(LEAST_REACH, 1.05 * one.high.max()))
+    # What was not climbed has no band: these minima and maxima leave NaN out.
+    lowest, highest = np.fmin(1.0 / LEAST_REACH, 0.95 * one.low.min()), np.fmax(LEAST_REACH, 1.05 * one.high.max())
+    axes.set_ylim(float(lowest), float(highest))
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.25, 1.5, 2.0, 3.0, 5.0, 8.0)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())

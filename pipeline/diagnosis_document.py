@@ -154,9 +154,10 @@ def next_trial_data(found: Diagnosis) -> dict[str, Any] | None:
     speed = trial.spindle_speed / si_factor("spindle_speed_rpm")
     depth = trial.axial_depth / si_factor("axial_depth_mm")
     chances = [f"{100.0 * p:.0f} % by {name}" for p, name in zip(trial.probability, names, strict=True)]
+    doubt = ", if one of the two is right, against which a check speaks" if found.verdict.kind == "unexplained" else ""
     text = (
         f"A cut at {speed:.0f} rpm and {depth:.3g} mm would chatter with {chances[0]} and {chances[1]}: "
-        f"expected to tell {trial.expected_gain:.2g} nats."
+        f"expected to tell {trial.expected_gain:.2g} nats{doubt}."
         if trial.expected_gain >= WORTH_ITS_COST
         else f"No cut at the speeds and depths of the campaign would part {' from '.join(names)}."
     )

@@ -14,8 +14,9 @@ from pipeline.diagnosis_document import held_out_score
 FOLDER = "figures"
 CAPTIONS = {
     "ranking": "Probability of each effect and of nothing missing, and the evidence for it.",
-    "corrections": "What the measurements want to change: the factor of a quantity as described, with its band, over "
-    "the range measured (marks). Dashed: by calibration alone. Grey: not wanted.",
+    "corrections": "What the measurements want to change: the factor of a quantity with its band, over the range "
+    "measured (marks). Of damping and force over what was described (dashed: by calibration alone), of stiffness over "
+    "what calibration makes of it. Grey: not wanted.",
     "lobes": "Boundary of stability and measured cuts, by the calibrated base model and with what is missing.",
     "receptances": "Receptance of the tool tip, measured, by the calibrated base model, and with what is missing.",
     "residuals": "What is left of margins and chatter frequencies with what is missing added.",

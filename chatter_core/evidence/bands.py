@@ -2,9 +2,11 @@
 
 Every datum fails with a known probability when the model is right. Over all bands (ranges of neighbouring values)
 the likelihood ratio of a raised rate inside is largest in one; how large it gets by chance in any of
-them is simulated, so that looking at many bands at once costs no false alarms.
+them is simulated, so that looking at many bands at once costs no false alarms. How improbable the grossest are is
+bounded instead.
 
-Source: M. Kulldorff, "A spatial scan statistic", Commun. Stat. Theory Methods 26 (1997) 1481-1496.
+Sources: M. Kulldorff, "A spatial scan statistic", Commun. Stat. Theory Methods 26 (1997) 1481-1496; H. Chernoff, Ann.
+Math. Stat. 23 (1952) 493-507.
 """
 
 from collections.abc import Callable
@@ -19,7 +21,7 @@ from chatter_core.evidence.parameters import Array
 #: a verdict that hangs on it must not hang on the draw.
 SIMULATIONS, MORE = 999, 20
 SEED = 1
-#: No smaller chance is told apart.
+#: No smaller chance is told apart by simulation.
 LEAST_CHANCE = 2e-4
 #: More places than this are joined to this many of like population.
 MOST_PLACES = 60
@@ -73,7 +75,7 @@ def conspicuous_bands(
     free = np.ones(len(first), dtype=bool)
     while len(bands) < MOST_BANDS:
         best = int(np.where(free, found, -1.0).argmax())
-        chance = _share_as_large(by_chance, found[best])
+        chance = min(_share_as_large(by_chance, found[best]), _bound(found[best], len(first)))
         if not free.any() or chance > CHANCE:
             break
         inside = (index >= first[best]) & (index <= last[best])
@@ -111,6 +113,14 @@ def _share_as_large(by_chance: Array, ratio: float) -> float:
     """Return the chance of a ratio as large, among simulated ones and itself."""
     # Sums of the same numbers in another order differ by rounding.
     return (1 + int((by_chance >= ratio * (1.0 - 1e-9)).sum())) / (1 + len(by_chance))
+
+
+def _bound(ratio: float, bands: int) -> float:
+    """Return what the chance of a ratio as large in any of so many bands does not exceed, whatever was simulated.
+
+    By Chernoff's bound for independent failures that is exp(-ratio) in each.
+    """
+    return float(bands * np.exp(-ratio))
 
 
 def _places(place: Array) -> tuple[Array, NDArray[np.intp]]:

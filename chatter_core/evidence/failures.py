@@ -1,7 +1,7 @@
 """Where a model fails by more than noise explains, in words: by speed, depth, mode, direction, time and frequency."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,11 +69,14 @@ class _Data:
     hence: str = ""
 
 
-def failures(model: CampaignModel, compared: Compared, dominant_mode: Array, fit: Fit | None) -> list[Failure]:
+def failures(
+    model: CampaignModel, compared: Compared, dominant_mode: Array, fit: Fit | None, curve: Sequence[str] = ()
+) -> list[Failure]:
     """Return where a model fails, the least probable by chance first, and at last the cuts that cannot be judged.
 
     dominant_mode: (trial,) number of the mode that chatters, as the model has it, 0 where unknown; fit: the
-    calibration, None for a model as described.
+    calibration, None for a model as described; curve: names of its parameters that describe nothing, of which none
+    goes too far.
 
     See docs/physics.md#comparison.
     """
@@ -82,7 +85,7 @@ def failures(model: CampaignModel, compared: Compared, dominant_mode: Array, fit
     found += [*_of_tables(campaign, compared, unresolved), *_of_unresolved(campaign, unresolved)]
     found += _without_limit(campaign, compared)
     found += _of_responses(campaign, compared.prediction)
-    found += _of_pulls(fit) if fit is not None else []
+    found += _of_pulls(fit, curve) if fit is not None else []
     return sorted(found, key=lambda failure: (failure.chance, -failure.excess))
 
 
@@ -295,7 +298,7 @@ def _where(key: str, band: Band, unit: str) -> str:
 
 def _sentence(data: _Data, band: Band, where: str) -> str:
     hence = f": {data.hence}" if data.hence else ""
-    chance = f"{band.chance:.1g}" if band.chance > LEAST_CHANCE else f"{LEAST_CHANCE:g} at most"
+    chance = f"{band.chance:.1g}" if band.chance > LEAST_CHANCE else f"{min(band.chance, LEAST_CHANCE):.1g} at most"
     return (
         f"Of {band.seen} {data.what} {where}, {band.failed} {data.done}; noise explains {band.expected:.1f} "
         f"(chance {chance}){hence}."
@@ -327,14 +330,15 @@ def _of_misfit(misfit: Misfit) -> Failure:
     )
 
 
-def _of_pulls(fit: Fit) -> Iterator[Failure]:
+def _of_pulls(fit: Fit, curve: Sequence[str]) -> Iterator[Failure]:
     """Yield the parameters that had to go farther than a data sheet or a sensor plausibly errs.
 
     Of many that are looked at one goes far by chance: it counts for as many as there are of its kind.
     """
-    alike = Counter(parameter.touches for parameter in fit.parameters)
+    alike = Counter(parameter.touches for parameter in fit.parameters if parameter.name not in curve)
     for parameter, estimate, pull in zip(fit.parameters, fit.estimate, fit.pull, strict=True):
-        if abs(pull) > LARGEST_PULL and not (parameter.name in NOISE_OF_LABELS and pull < 0.0):
+        no_finding = parameter.name in curve or (parameter.name in NOISE_OF_LABELS and pull < 0.0)
+        if abs(pull) > LARGEST_PULL and not no_finding:
             moved = (
                 f"a factor of {np.exp(estimate):.3g}" if parameter.unit == "ln" else f"{estimate:.3g} {parameter.unit}"
             )

@@ -30,6 +30,8 @@ FREQUENCY_SHARE, FREQUENCY_FLOOR, FREQUENCY_DRIFT = 0.005, 2.0 * np.pi * 3.0, 0.
 FREQUENCY_FREEDOM, FREQUENCY_ELSEWHERE, NEIGHBOURS = 4.0, 0.1, 3
 #: Degrees of freedom of a limit depth's: beside a lobe's peak a resonance that is slightly off is off by a factor.
 LIMIT_FREEDOM = 4.0
+#: Coordinate of a limit depth that is one scale off: the root of the expected information of a location.
+LIMIT_UNIT = ((LIMIT_FREEDOM + 1.0) / (LIMIT_FREEDOM + 3.0)) ** 0.5
 #: Standard deviations of the logarithm: natural frequency, damping ratio, stiffness of a single bearing.
 NATURAL_FREQUENCY_ERROR, DAMPING_RATIO_ERROR, STIFFNESS_ERROR = 0.005, 0.2, 0.05
 #: What a model cannot answer is off by so many standard deviations.
@@ -314,13 +316,11 @@ def limit_depth(residual: Array, error: Array, farthest: float) -> Contribution:
     """
     freedom, standard = LIMIT_FREEDOM, with_unanswered(residual, error, farthest) / error
     normaliser = gammaln(0.5 * (freedom + 1.0)) - gammaln(0.5 * freedom) - 0.5 * np.log(freedom * np.pi)
-    # Expected information of a location, over the scale squared.
-    unit = np.sqrt((freedom + 1.0) / (freedom + 3.0))
     score = -(freedom + 1.0) * standard / (freedom + standard**2)
     return Contribution(
         log_density=normaliser - np.log(error) - 0.5 * (freedom + 1.0) * np.log1p(standard**2 / freedom),
-        coordinates=unit * standard[:, None],
-        score=score[:, None] / unit,
+        coordinates=LIMIT_UNIT * standard[:, None],
+        score=score[:, None] / LIMIT_UNIT,
     )
 
 

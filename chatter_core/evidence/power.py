@@ -6,6 +6,7 @@ import numpy as np
 
 from chatter_core.evidence.candidates import Candidate, Hypothesis, carried, extended
 from chatter_core.evidence.comparison import Compared
+from chatter_core.evidence.likelihood import LIMIT_FREEDOM, LIMIT_UNIT
 from chatter_core.evidence.parameters import Array
 
 #: A chatter frequency tells no more than this, in deviations: it may be that of another branch.
@@ -48,10 +49,9 @@ def power(base: Hypothesis, candidate: Candidate, slope: Array) -> Power:
     moved = comparison.evaluate(strong).coordinates - before.coordinates
     assert isinstance(before.state, Compared)
     parts = before.state.coordinates_of
-    if "chatter_frequency" in parts:
-        moved[parts["chatter_frequency"]] = np.clip(
-            moved[parts["chatter_frequency"]], -MOST_OF_A_FREQUENCY, MOST_OF_A_FREQUENCY
-        )
+    for name, at_most in (("chatter_frequency", _of_a_frequency), ("limit_depth", _of_a_limit)):
+        if name in parts:
+            moved[parts[name]] = at_most(moved[parts[name]])
     followed = slope @ np.linalg.solve(slope.T @ slope + np.eye(slope.shape[1]), slope.T @ moved)
     left = 0.5 * (moved - followed) * moved
     return Power(
@@ -59,3 +59,17 @@ def power(base: Hypothesis, candidate: Candidate, slope: Array) -> Power:
         nats=float(left.sum()),
         by_quantity={name: float(left[part].sum()) for name, part in parts.items()},
     )
+
+
+def _of_a_frequency(moved: Array) -> Array:
+    return np.clip(moved, -MOST_OF_A_FREQUENCY, MOST_OF_A_FREQUENCY)
+
+
+def _of_a_limit(moved: Array) -> Array:
+    """Return movements of limit depths (row,), no half square more than Student's law takes off for what is that far.
+
+    One of many that moves far, or out of reach, tells hardly more than that it has moved.
+    """
+    square = (moved / LIMIT_UNIT) ** 2
+    largest = np.sqrt((LIMIT_FREEDOM + 1.0) * np.log1p(square / LIMIT_FREEDOM))
+    return np.asarray(np.sign(moved) * np.minimum(np.abs(moved), largest))

@@ -76,10 +76,14 @@ def test_a_cut_is_asked_for_only_where_it_is_expected_to_tell_something(worth):
     gain = WORTH_ITS_COST * (2.0 if worth else 0.5)
     cut = NextTrial(spindle_speed=RPM * 9000.0, axial_depth=1e-3, probability=(0.2, 0.7), expected_gain=gain)
     ranking = [SimpleNamespace(name=name) for name in ("none", "holder_joint")]
-    found = SimpleNamespace(next_trial=cut, ranking=ranking, contenders=ranking, next_measurements=[of_cut("cut", cut)])
+    named = {"ranking": ranking, "contenders": ranking, "verdict": SimpleNamespace(kind="ambiguous")}
+    found = SimpleNamespace(next_trial=cut, next_measurements=[of_cut("cut", cut)], **named)
     told = next_trial_data(found)["text"]
     asked = "A cut at 9000 rpm and 1 mm would chatter with 20 % by none and 70 % by holder_joint: expected to tell 0.02"
     assert told.startswith(asked if worth else "No cut at the speeds and depths of the campaign would part none from h")
+    found.verdict.kind = "unexplained"
+    doubt = ", if one of the two is right, against which a check speaks."
+    assert next_trial_data(found)["text"] == (told.removesuffix(".") + doubt if worth else told)
     assert [one["text"] for one in next_measurements_data(found)] == [
         "cut at 9000 rpm and 1 mm: 0.02 nats for 1 cut"
     ] * worth

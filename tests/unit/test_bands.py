@@ -56,8 +56,28 @@ def test_a_planted_band_is_found_with_its_borders():
     chosen = (place >= band.low) & (place <= band.high)
     assert (band.seen, band.failed) == (chosen.sum(), failed[chosen].sum())
     assert band.expected == pytest.approx(0.05 * chosen.sum())
-    # None of so many simulated sets has as conspicuous a one.
-    assert band.chance == 1.0 / (1 + 6 * SIMULATIONS)
+    # None of the simulated sets has as conspicuous a one.
+    assert band.chance < 1.0 / (1 + 6 * SIMULATIONS)
+
+
+@pytest.mark.parametrize(("failures", "count"), [(9, 20), (20, 20), (30, 60), (60, 60)])
+def test_the_chance_of_a_gross_band_is_bounded(failures, count):
+    """Failures at one place, which is the only band: the binomial law has their chance."""
+    failed = np.arange(count) < failures
+    (band,) = conspicuous_bands(np.zeros(count), failed, np.full(count, 0.05))
+    exact = stats.binom.sf(failures - 1, count, 0.05)
+    simulated = 1.0 / (1 + SIMULATIONS)
+    # The bound is that of rare failures: where all data fail it lacks a third of the logarithm.
+    assert exact <= band.chance <= exact**0.6
+    assert band.chance < simulated
+
+
+def test_simulation_tells_what_a_bound_does_not():
+    """One failure more than usual at one place of twenty."""
+    place = np.repeat(np.arange(20.0), 3)
+    failed = np.isin(place, [4.0]) | (np.arange(60) % 29 == 0)
+    (band,) = conspicuous_bands(place, failed, np.full(60, 0.05))
+    assert band.chance > 1.0 / (1 + 6 * SIMULATIONS)
 
 
 def test_two_bands_do_not_overlap_and_come_by_weight():

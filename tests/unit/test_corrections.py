@@ -6,13 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from chatter_core.effects import variants
 from chatter_core.evidence import Comparison, base_model, calibrate
 from chatter_core.evidence.candidates import Hypothesis
-from chatter_core.evidence.corrections import corrections_of, fit_correction, measured_places, mending, told
+from chatter_core.evidence.corrections import corrections_of, fit_correction, fitted, measured_places, mending, told
 from chatter_core.evidence.corrections.fitted import corrected_model
-from chatter_core.evidence.corrections.terms import DAMPING, FORCE, SPEED, Correction
+from chatter_core.evidence.corrections.terms import DAMPING, FEED, FORCE, SEATS, SPEED, Correction
+from chatter_core.evidence.measured import Limits
 from chatter_core.evidence.scores import COVERAGE
 from chatter_core.units import si_factor
+from pipeline.campaigns import Standstill
 from tests.synthetic import RPM, campaign, drawn_truth, measured, receptance, tip_machine, trials
 
 SPEEDS = np.linspace(3000.0, 12000.0, 14) * RPM
@@ -66,8 +69,12 @@ def hiding(name, seed):
     return Hypothesis(candidates=(), comparison=comparison, fit=calibrate(comparison)), known
 
 
+def offered(model):
+    return corrections_of(model, model.nulls)
+
+
 def against_speed(base, quantity):
-    (found,) = [one for one in corrections_of(base.comparison.model) if (one.quantity, one.axis) == (quantity, SPEED)]
+    (found,) = [one for one in offered(base.comparison.model) if (one.quantity, one.axis) == (quantity, SPEED)]
     return told(base.fit, 0, fit_correction(base, found))
 
 
@@ -126,6 +133,41 @@ def test_where_nothing_is_hidden_nothing_is_wanted():
     assert np.mean(held) >= LEAST_COVERED
 
 
+def test_what_is_not_climbed_says_so_and_tells_no_curve(monkeypatch):
+    base, _ = hiding("nothing", SEEDS[0])
+    climbed = against_speed(base, DAMPING)
+    monkeypatch.setattr(fitted, "HOPELESS", np.inf)
+    left = against_speed(base, DAMPING)
+    assert climbed.corrected.fit.converged
+    assert not left.corrected.fit.converged
+    assert left.corrected.fit.reason.startswith("not climbed: ")
+    assert np.isnan([left.factor, left.low, left.high]).all()
+    # The slope tells about what a climb finds.
+    assert left.gain == pytest.approx(climbed.gain, abs=1.0)
+    assert left.text.startswith("The measurements do not ask for another ")
+
+
+def test_limiting_depths_are_measured_at_the_machines_own_feed():
+    speeds = SPEEDS[:3]
+    table = Limits(spindle_speed=speeds, limit_depth=np.full(3, 1e-3), uncertainty=np.full(3, 1e-4))
+    cuts = trials(speeds, np.full(3, 1e-3), feed_per_tooth=np.full(3, 2e-4))
+    own = tip_machine().process.feed_per_tooth
+    for limits, expected in ((None, [2e-4]), (table, [own, 2e-4])):
+        places = measured_places(campaign(tip_machine(), trials=cuts, limits=limits), FORCE, FEED)
+        np.testing.assert_allclose(np.unique(places), expected)
+
+
+@pytest.mark.parametrize(("share", "asked"), [(0.0, False), (1.0, True)])
+def test_seats_are_corrected_against_speed_where_an_effect_makes_bearings_feel_it(share, asked, reference_machine):
+    cuts = trials(SPEEDS, np.full(len(SPEEDS), 1e-3))
+    bearing = variants("speed_dependent_bearing")
+    model = base_model(campaign(reference_machine, trials=cuts), (Standstill(), *bearing))
+    values = model.nulls
+    values[[p.name for p in model.parameters].index("speed_dependent_bearing.share")] = share
+    found = {(one.quantity.name, one.axis.name) for one in corrections_of(model, values)}
+    assert ((SEATS.name, SPEED.name) in found) is asked
+
+
 def test_a_campaign_without_a_range_has_nothing_to_tell():
     assert mending([]).startswith("Nothing was measured over a range")
 
@@ -134,7 +176,7 @@ def test_a_correction_that_has_been_to_a_worker_and_back_is_the_same():
     """What travels between processes is a copy: nothing may hang on which object it is."""
     made = plan(np.random.default_rng(4))
     model = base_model(made)
-    for correction in corrections_of(model):
+    for correction in offered(model):
         copy = pickle.loads(pickle.dumps(correction))
         assert copy.axis == correction.axis
         assert type(corrected_model(model, copy)) is type(corrected_model(model, correction))

@@ -30,11 +30,15 @@ WANTED, HOPELESS = 5.0, -5.0
 
 @dataclass(frozen=True, kw_only=True)
 class Corrected:
-    """A model with a correction, fitted. log_evidence of it [nats]; left: the checks that still fail."""
+    """A model with a correction, fitted. log_evidence of it [nats]; left: the checks that still fail.
+
+    climbed: whether the fit was looked for, and not only promised to be hopeless; its curve is zero otherwise.
+    """
 
     correction: Correction
     comparison: Comparison
     fit: Fit
+    climbed: bool
     log_evidence: float
     left: tuple[Failure, ...]
 
@@ -44,8 +48,8 @@ class Told:
     """What a correction says.
 
     gain: its log evidence over that of the base model [nats]; places (place,) in the unit of the axis' name; factor of
-    the quantity as described, low and high with COVERAGE at each place, (place,) each; level: the factor that the base
-    model's calibration gives the quantity as a whole; text: a sentence.
+    the quantity as described, low and high with COVERAGE at each place, (place,) each, NaN where it was not climbed;
+    level: the factor that the base model's calibration gives the quantity as a whole; text: a sentence.
     """
 
     corrected: Corrected
@@ -83,7 +87,7 @@ def corrected_model(model: CampaignModel, correction: Correction) -> CampaignMod
 def fit_correction(base: Hypothesis, correction: Correction) -> Corrected:
     """Fit a correction together with everything that the base model has, from where its own fit ended.
 
-    Where the slope there promises so little that the evidence is HOPELESS, the curve stays zero.
+    Where the slope there promises so little that the evidence is HOPELESS, the fit stays at a curve of zero.
 
     See docs/physics.md#corrections.
     """
@@ -93,11 +97,16 @@ def fit_correction(base: Hypothesis, correction: Correction) -> Corrected:
     stayed = maximise(comparison, [own], free, 1, np.inf)
     fit = result(comparison, stayed, 0, -np.inf)
     evidence = fit.log_evidence + _promise(stayed, fit)
-    if evidence > base.fit.log_evidence + HOPELESS:
+    climbed = evidence > base.fit.log_evidence + HOPELESS
+    if climbed:
         fit = _climbed(comparison, own, free)
         evidence = fit.log_evidence
+    else:
+        fit = replace(fit, converged=False, reason="not climbed: what its slope promises is hopeless")
     left = tuple(checks_failed(comparison, fit, correction))
-    return Corrected(correction=correction, comparison=comparison, fit=fit, log_evidence=evidence, left=left)
+    return Corrected(
+        correction=correction, comparison=comparison, fit=fit, climbed=climbed, log_evidence=evidence, left=left
+    )
 
 
 def _promise(stayed: Maximum, fit: Fit) -> float:
@@ -121,9 +130,8 @@ def checks_failed(comparison: Comparison, fit: Fit, correction: Correction | Non
     """
     compared = comparison.compare(fit.estimate)
     modes = dominant_modes(comparison.model, compared.prediction).astype(float)
-    own = {parameter.name for parameter in correction.parameters} if correction is not None else set()
-    left = failures(comparison.model, compared, modes, fit)
-    return failed_checks([one for one in left if one.band.get("parameter") not in own])
+    curve = [parameter.name for parameter in correction.parameters] if correction is not None else []
+    return failed_checks(failures(comparison.model, compared, modes, fit, curve))
 
 
 def told(base: Fit, failed: int, corrected: Corrected) -> Told:
@@ -135,7 +143,7 @@ def told(base: Fit, failed: int, corrected: Corrected) -> Told:
     x = np.linspace(correction.curve.knots[0], correction.curve.knots[-1], PLACES)
     slope = total_slope(corrected, x)
     gain = corrected.log_evidence - base.log_evidence
-    factor, low, high = _band(corrected.fit, slope)
+    factor, low, high = _band(corrected.fit, slope) if corrected.climbed else np.full((3, PLACES), np.nan)
     unit = si_factor(correction.axis.name)
     words = [_place(correction, value / unit) for value in x]
     levels = dict(zip((p.name for p in base.parameters), np.exp(base.estimate), strict=True))

@@ -189,22 +189,22 @@ class Correction:
         return self.curve.log_factor(place, values)
 
 
-def corrections_of(model: CampaignModel) -> tuple[Correction, ...]:
-    """Return every correction that a campaign can tell something about.
+def corrections_of(model: CampaignModel, values: Array) -> tuple[Correction, ...]:
+    """Return every correction that a campaign can tell something about, of a model at values (parameter,).
 
-    A quantity that a nuisance multiplies as a whole has a curve of mean zero. Bearings that feel no speed have no
-    stiffness against it.
+    A quantity that a nuisance multiplies as a whole has a curve of mean zero. Bearings that feel no speed at these
+    values have no stiffness against it.
 
     See docs/physics.md#corrections.
     """
-    return tuple(_corrections(model))
+    return tuple(_corrections(model, values))
 
 
-def _corrections(model: CampaignModel) -> Iterator[Correction]:
+def _corrections(model: CampaignModel, values: Array) -> Iterator[Correction]:
     campaign, nuisances = model.campaign, {parameter.name for parameter in model.parameters}
     stiff = SEATS if campaign.machine.spindle is not None else MODES
     pairs = [(DAMPING, SPEED), (FORCE, SPEED), (FORCE, FEED), (FORCE, IMMERSION), (FORCE, TRIAL), (stiff, TRIAL)]
-    if stiff == MODES or _bearings_feel_speed(model):
+    if stiff == MODES or _bearings_feel_speed(model, values):
         pairs.insert(0, (stiff, SPEED))
     for quantity, axis in pairs:
         places = measured_places(campaign, quantity, axis)
@@ -216,8 +216,8 @@ def _corrections(model: CampaignModel) -> Iterator[Correction]:
             yield Correction(quantity=quantity, axis=axis, curve=curve, at=at)
 
 
-def _bearings_feel_speed(model: CampaignModel) -> bool:
-    return bool(model.stages(model.nulls).bearing_speed(np.ones(1), "dynamic").any())
+def _bearings_feel_speed(model: CampaignModel, values: Array) -> bool:
+    return bool(model.stages(values).bearing_speed(np.ones(1), "dynamic").any())
 
 
 def measured_places(campaign: Campaign, quantity: Quantity, axis: Axis) -> Array:
@@ -234,7 +234,9 @@ def measured_places(campaign: Campaign, quantity: Quantity, axis: Axis) -> Array
         return trials.trial.astype(float)
     stated = {FEED.name: trials.feed_per_tooth, IMMERSION.name: trials.radial_immersion}[axis.name]
     own = {FEED.name: process.feed_per_tooth, IMMERSION.name: process.radial_immersion}[axis.name]
-    return np.where(np.isnan(stated), own, stated)
+    # Limiting depths are the machine's as it is set up.
+    of_limits = [] if campaign.limits is None else [own]
+    return np.append(np.where(np.isnan(stated), own, stated), of_limits)
 
 
 def _speeds(campaign: Campaign, *, uncut: bool) -> Array:
