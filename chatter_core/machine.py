@@ -15,6 +15,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 from chatter_core.cards import Card, ShownAsCard
 from chatter_core.units import si_factor
 
+#: Name of the file that describes the machine of a campaign.
+MACHINE_FILE = "machine.yaml"
 #: A position counts as on the shaft when it misses its end by less than this [m].
 POSITION_TOLERANCE = 1e-9
 #: Bearing seats are apart by this at least [m]; bores are this share of the outer diameter at most.

@@ -167,10 +167,13 @@ def _allowed(kind: str, context: dict[str, Any], message: str) -> str:
         "greater_than_equal": ("at least", "ge"),
         "less_than": ("less than", "lt"),
         "less_than_equal": ("at most", "le"),
-        "too_short": ("at least, entries:", "min_length"),
-        "too_long": ("at most, entries:", "max_length"),
+        "too_short": ("at least", "min_length"),
+        "too_long": ("at most", "max_length"),
         "literal_error": ("one of", "expected"),
     }
+    if kind in ("too_short", "too_long"):
+        words, key = bounds[kind]
+        return f"{words} {context[key]} {'entry' if context[key] == 1 else 'entries'}"
     if kind in bounds:
         words, key = bounds[kind]
         return f"{words} {context[key]}"

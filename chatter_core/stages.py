@@ -19,10 +19,12 @@ from chatter_core import cutting, floquet, tip
 from chatter_core.bearing import BearingState
 from chatter_core.contact import KnownForces
 from chatter_core.cutting import CuttingGain, ForceCoefficients
+from chatter_core.errors import InvalidInput
 from chatter_core.joint import Joint
 from chatter_core.machine import Machine, Process, Spindle, Tool
 from chatter_core.own_laws import blaming
 from chatter_core.parameters import Array, Parameter
+from chatter_core.reading import shown
 from chatter_core.teeth import Engagement, Passages, Teeth, equal_teeth, passages
 from chatter_core.tip import TipModes
 
@@ -220,9 +222,15 @@ ARROWS = tuple(field.name for field in fields(Stages) if field.name not in NO_AR
 def stages_of(model: Machine | Stages) -> Stages:
     """Return the stages of a model: of a machine alone those of the base model.
 
+    Raises InvalidInput for what is neither.
+
     See docs/physics.md#model-and-nuisances.
     """
-    return Stages(machine=model) if isinstance(model, Machine) else model
+    if isinstance(model, Machine):
+        return Stages(machine=model)
+    if not isinstance(model, Stages):
+        raise InvalidInput([f"machine: found {shown(model)}, allowed: a machine, as read_machine(FILE) returns it"])
+    return model
 
 
 class Term(Protocol):

@@ -12,9 +12,8 @@ from chatter_core.effects import Effect, activate, effect_class
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Campaign, CampaignModel, Responses, base_model, read_campaign
 from chatter_core.evidence.belief import PRIORS, Belief
-from chatter_core.evidence.campaign import MACHINE_FILE
 from chatter_core.evidence.cuts import machines_as_cut
-from chatter_core.machine import Machine
+from chatter_core.machine import MACHINE_FILE, Machine
 from chatter_core.parameters import Array, Parameter
 from chatter_core.reading import printable, shown
 from chatter_core.stages import Stages

@@ -13,11 +13,14 @@ from types import MappingProxyType
 from typing import Any, TypeVar, overload
 
 from hydra import compose, initialize_config_dir
+from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from pydantic import ValidationError
+from yaml import YAMLError
 
-from chatter_core.effects import effect_names, own_effects
+from chatter_core.effects import effect_names, own_effects, unknown_effect
 from chatter_core.errors import InvalidInput
+from chatter_core.machine import MACHINE_FILE
 from chatter_core.reading import load_value, load_yaml, nearest, sentences, shown
 from pipeline import shipped
 from pipeline.keys import put
@@ -104,7 +107,7 @@ def sort_words(
             if value in known[key]:
                 choices[key] = value
             else:
-                problems.append(f"{key}: found {value!r}; {nearest(value, known[key])}")
+                problems.append(f"{key}: found {value!r}; {_near_choice(key, value, known[key])}")
         elif "." in key:
             values.append(word)
         else:
@@ -113,6 +116,14 @@ def sort_words(
     if problems:
         raise InvalidInput(problems)
     return Words(options=found, choices=choices, values=values, machine_file=machine_file, taken=taken)
+
+
+def _near_choice(key: str, value: str, choices: list[str]) -> str:
+    """Return a hint at the choice that may be meant; a machine may stand in a file, too, in a campaign's folder say."""
+    if key != "machine":
+        return nearest(value, choices)
+    file = Path(value) / MACHINE_FILE
+    return f"did you mean {file}?" if file.is_file() else f"{nearest(value, choices)}, or FILE.yaml"
 
 
 def repeated(words: list[str]) -> list[str]:
@@ -183,6 +194,7 @@ def compose_settings(
         if described.get("tip") is not None and (chosen := [key for key in BUILT_KEYS if key in words.choices]):
             raise InvalidInput([f"{key}={words.choices[key]}: has no meaning for {MEASURED_TIP}" for key in chosen])
     change(data)
+    _check_preloads(words.values)
     if words.name_the_preload and "grid" in data:
         # It takes the place of a shipped grid's list, which would hide it.
         data["grid"].pop("preload_n", None)
@@ -206,6 +218,14 @@ def compose_settings(
     if problems:
         raise InvalidInput(problems)
     return settings
+
+
+def _check_preloads(values: list[str]) -> None:
+    """Raise InvalidInput where both the machine's preload and those of the grid are named: the former says nothing."""
+    named = dict(word.partition("=")[::2] for word in values)
+    of_grid = [key for key in named if key.startswith("grid.preload_n") and named[key] != "null"]
+    if "spindle.preload_n" in named and of_grid:
+        raise InvalidInput([f"spindle.preload_n: says nothing beside {of_grid[0]}; say one of the two"])
 
 
 def _near_root(key: str, roots: list[str], words: Words) -> str:
@@ -282,11 +302,7 @@ def named_effects(text: str, own: Path | None = None) -> list[str]:
     names = [found] if isinstance(found, str) else found
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise InvalidInput([f"effects: found {shown(text)}, allowed: a list of names, effects=[a,b]"])
-    problems = [
-        f"effects: found {name!r}; {nearest(name, list(effect_names(own)))}"
-        for name in names
-        if name not in effect_names(own)
-    ]
+    problems = [unknown_effect(name, own) for name in names if name not in effect_names(own)]
     problems += [f"effects: {name} stands twice" for name in sorted(set(names)) if names.count(name) > 1]
     if problems:
         raise InvalidInput(problems)
@@ -302,9 +318,17 @@ def _as_written(sentence: str, machine_file: Path | None) -> str:
 
 
 def _compose(words: Words) -> dict[str, Any]:
-    """Return the shipped configs as the choices compose them."""
-    with initialize_config_dir(str(CONFIGS), version_base=None):
-        composed = compose("config", [f"{key}={value}" for key, value in words.choices.items()])
+    """Return the configs as the choices compose them; raise InvalidInput where a file of theirs cannot be composed."""
+    try:
+        with initialize_config_dir(str(CONFIGS), version_base=None):
+            composed = compose("config", [f"{key}={value}" for key, value in words.choices.items()])
+    except YAMLError as error:
+        for file in sorted(CONFIGS.rglob("*.yaml")):
+            load_yaml(file)
+        raise InvalidInput([f"{CONFIGS}: no valid yaml: {error}"]) from None
+    except HydraException as error:
+        told = next(line.strip() for line in str(error).splitlines() if line.strip())
+        raise InvalidInput([f"{CONFIGS}: cannot be composed: {told}"]) from None
     data = OmegaConf.to_container(composed, resolve=False)
     assert isinstance(data, dict)
     return {str(key): value for key, value in data.items()}

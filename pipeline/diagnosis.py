@@ -142,18 +142,24 @@ class Diagnosis(ShownAsCard):
 def check_enough(model: CampaignModel) -> None:
     """Raise InvalidInput where there is too little to judge a model by."""
     campaign = model.campaign
-    cuts = len(campaign.trials or ()) + len(campaign.limits or ())
+    trials, limits = len(campaign.trials or ()), len(campaign.limits or ())
     told = [one for one in campaign.receptances if len(one.frequency) >= FEWEST_LINES]
-    if cuts < FEWEST_CUTS and not any((told, campaign.natural_frequencies, campaign.stiffness)):
+    if trials + limits < FEWEST_CUTS and not any((told, campaign.natural_frequencies, campaign.stiffness)):
         few = len(campaign.receptances)
         short = f"{few} receptance{'s' if few > 1 else ''} of fewer than {FEWEST_LINES} lines"
         other = short if few else "nothing else that was measured"
         raise InvalidInput(
             [
-                f"campaign: found {cuts} cut{'' if cuts == 1 else 's'} and {other}; needed to judge a model by: "
-                f"{FEWEST_CUTS} cuts, or a receptance of {FEWEST_LINES} lines, natural frequency or bearing stiffness"
+                f"campaign: found {_counted(trials, limits)} and {other}; needed to judge a model by: "
+                f"{FEWEST_CUTS} cuts or limiting depths, or a receptance of {FEWEST_LINES} lines, natural frequency or "
+                "bearing stiffness"
             ]
         )
+
+
+def _counted(trials: int, limits: int) -> str:
+    counts = ((trials, "cut"), (limits, "limiting depth"))
+    return ", ".join(f"{count} {what}{'' if count == 1 else 's'}" for count, what in counts if count) or "no cuts"
 
 
 def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:

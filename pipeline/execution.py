@@ -158,12 +158,12 @@ def _prepare(settings: Study, place: Place, argv: list[str]) -> None:
             metadata.update(place, margins=settings.margins.said)
         metadata.refresh_copy(place)
         return
+    if place.root in names and len(store.written_at(place)):
+        restored = f"restored by: {command('verify', place.option, 'repair=true')}"
+        raise InvalidInput([f"{place}: {RECORD} is missing beside a store that holds results; {restored}"])
     if names - OF_A_CREATION:
         name = place.option.partition("=")[0]
         raise InvalidInput([f"{place}: holds files that are no study; choose an empty place with {name}="])
-    if len(store.written_at(place)):
-        restored = f"restored by: {command('verify', place.option, 'repair=true')}"
-        raise InvalidInput([f"{place}: {RECORD} is missing beside a store that holds results; {restored}"])
     # The record is written after the template, so a template that was cut short is made again.
     store.create(place, settings, argv)
     place.write(RECORD, settings.record().encode())

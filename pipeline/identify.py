@@ -11,11 +11,10 @@ import yaml
 
 from chatter_core.errors import InvalidInput
 from chatter_core.evidence import Campaign, Responses, read_campaign, read_responses
-from chatter_core.evidence.campaign import MACHINE_FILE
 from chatter_core.evidence.identified_tip import FREQUENCY_ERROR, GAIN_ERROR, IdentifiedTip, identify_tip
 from chatter_core.evidence.identify import FEWEST_LINES, SEARCH
 from chatter_core.evidence.measured import Receptance
-from chatter_core.machine import Machine, TipMode
+from chatter_core.machine import MACHINE_FILE, Machine, TipMode
 from chatter_core.tip import AXES
 from chatter_core.units import si_factor
 from pipeline import identify_figure

@@ -11,10 +11,9 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from chatter_core.errors import InvalidInput
-from chatter_core.evidence.campaign import MACHINE_FILE
 from chatter_core.evidence.columns import Table, column_like
 from chatter_core.evidence.measured import TABLES
-from chatter_core.machine import Machine
+from chatter_core.machine import MACHINE_FILE, Machine
 from chatter_core.reading import inner_model
 from pipeline.answer_folder import write_whole
 from pipeline.configuration import compose_settings, sort_words, words_for

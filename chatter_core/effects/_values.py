@@ -21,6 +21,10 @@ ROUNDING = 1e-6
 TRIED = (0.0, 0.21, 0.5, 0.83)
 
 
+#: What is longer is told by its class.
+LONGEST = 60
+
+
 def wrong(arrow: str, found: Any, arguments: tuple[Any, ...], before: Callable[..., Any]) -> str | None:
     """Return what no chain could use about what a law returned for an arrow, None where nothing is.
 
@@ -30,12 +34,18 @@ def wrong(arrow: str, found: Any, arguments: tuple[Any, ...], before: Callable[.
     """
     kind = _returned(arrow)
     if not isinstance(found, kind):
-        return f"{found!r}, needed: {kind.__name__}"
+        return f"{_told(found)}, needed: {kind.__name__}"
     if isinstance(found, np.ndarray):
         return next(_of_array(arrow, found, before(*arguments)), None)
     what, findings = _CHECKS[kind]
     problem = next(findings(found, arguments, before), None)
     return None if problem is None else f"{what} whose {problem}"
+
+
+def _told(found: Any) -> str:
+    """Return what was found in place of something else: short things as they are, others by their class."""
+    text = repr(found)
+    return text if len(text) <= LONGEST and "\n" not in text else f"one of class {type(found).__name__}"
 
 
 def _returned(arrow: str) -> type:

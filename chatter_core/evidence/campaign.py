@@ -36,12 +36,11 @@ from chatter_core.evidence.measured import (
 )
 from chatter_core.evidence.table import Rows, read_table
 from chatter_core.evidence.uff import UFF_ENDINGS, read_uff
-from chatter_core.machine import Machine
+from chatter_core.machine import MACHINE_FILE, Machine
 from chatter_core.parameters import Array
 from chatter_core.reading import near_path, printable, read_machine
 from chatter_core.units import si_factor
 
-MACHINE_FILE = "machine.yaml"
 #: Receptances of tool tips that are met [m/N], by the median over frequency.
 USUAL_RECEPTANCE = (1e-9, 1e-4)
 #: No motion is as small [m/N]: an atom's size at a meganewton is 1e-16.

@@ -10,10 +10,13 @@ reached.
 import ast
 import math
 import sys
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import Any
 
 import simpleeval
+
+from chatter_core.reading import nearest
 
 #: Functions that a formula may call.
 FUNCTIONS = {"min": min, "max": max, "abs": abs, "sqrt": math.sqrt}
@@ -67,7 +70,8 @@ class Formula:
             return evaluator.eval(self.text, previously_parsed=self._parsed)
         except Exception as error:
             # Whatever it is (an unknown key, a division by zero, a word times a number): the formula is not right.
-            raise ValueError(f"{self.text!r} has no value: {_first_line(error)}") from None
+            told = _unknown_key(self.named(), description) or _first_line(error)
+            raise ValueError(f"{self.text!r} has no value: {told}") from None
 
     def number(self, description: dict[str, Any]) -> float:
         """Return its value, a finite number; raises ValueError in one sentence."""
@@ -86,6 +90,21 @@ class Formula:
     def named(self) -> list[tuple[str | int, ...]]:
         """Return the parts of every key that it names, as far as they are written out (``tool`` of ``tool[1 + 1]``)."""
         return _named(self._parsed)
+
+
+def _unknown_key(named: Iterable[tuple[str | int, ...]], description: dict[str, Any]) -> str:
+    """Return which of the keys that are named a description lacks, with the nearest; "" where it has them all."""
+    for first, *others in named:
+        here: Any = description.get(str(first))
+        for place, part in enumerate(others):
+            if isinstance(here, dict) and part not in here:
+                whole = ".".join(map(str, (first, *others[: place + 1])))
+                return f"{whole}: unknown key; {nearest(str(part), [*here])}"
+            try:
+                here = here[part]
+            except (TypeError, LookupError):
+                break
+    return ""
 
 
 def _named(node: ast.AST) -> list[tuple[str | int, ...]]:

@@ -216,6 +216,11 @@ LAW = "            factor = np.where(found.axis == 0, softer, 1.0)\n"
         ("return cut_modes", "return None", r"mine.py: transform returned None, needed: a function as it was given"),
         ("return replace(found", "return found.axis, dict(a", r"mine.py, line 38: "),
         ("return cut_modes", "return lambda *_: 3", r"mine.py: cut_modes returned 3, needed: TipModes"),
+        (
+            "return cut_modes",
+            "return lambda *_: np.eye(9)",
+            r"mine.py: cut_modes returned one of class ndarray, needed",
+        ),
         ("machine: Machine, values", "values", r"mine.py: TypeError: .*positional arguments"),
         ("(loss,) = values", "(loss,) = values; machine.spindle.nothing", r"mine.py, line 32: AttributeError: "),
     ],

@@ -272,6 +272,18 @@ def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path
         (["sweeep"], ["sweeep: unknown verb; did you mean sweep?"]),
         (["point", "spindle_speed_rpm=12000"], ["axial_depth_mm: missing; needed: axial depth of cut"]),
         (["point", "spindle_speed_rpm=fast", "axial_depth_mm=1"], ["spindle_speed_rpm: found 'fast'"]),
+        (
+            [*POINT, "preload_n=100", "spindle.preload_n=200"],
+            ["preload_n: says the same as spindle.preload_n; say one of the two"],
+        ),
+        (
+            ["sweep", "spindle.preload_n=250", "grid.preload_n=[100,200]"],
+            ["spindle.preload_n: says nothing beside grid.preload_n; say one of the two"],
+        ),
+        ([*POINT, "machine=own"], ["machine: found 'own'; did you mean own/machine.yaml?"]),
+        ([*POINT, "machine=."], ["machine: found '.'; allowed: reference, or FILE.yaml"]),
+        ([*POINT, "spindle.sections=[]"], ["spindle.sections: found [], allowed: at least 1 entry"]),
+        ([*POINT, "effects=[clamp]"], ["effects: found 'clamp'", "in the folder that effects_path=DIR names"]),
         (["report"], ["output: missing"]),
         (["report", "output=nowhere"], ["output: nowhere holds no lobes.zarr"]),
     ],
@@ -280,6 +292,8 @@ def test_wrong_words_get_every_message_and_exit_code_two(words, messages, capsys
     monkeypatch.chdir(tmp_path)
     (tmp_path / "measured").mkdir()
     (tmp_path / "measured" / "frf.csv").touch()
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "machine.yaml").touch()
     assert main(words) == 2
     captured = capsys.readouterr()
     for message in messages:

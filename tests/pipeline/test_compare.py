@@ -261,6 +261,7 @@ def test_predictions_are_not_written_over_what_was_read(tmp_path, capsys, down_m
     assert set(campaign.iterdir()) | {model, file} == set(before)
     words = ("predict", *words, f"trials={file}")
     assert f"predictions: {tmp_path} is a folder" in refused(capsys, *words, f"predictions={tmp_path}")
+    assert "allowed: a file name ending in .csv" in refused(capsys, *words, f"predictions={tmp_path / 'p.xlsx'}")
     assert f"predictions: {file} cannot be used as a folder" in refused(capsys, *words, f"predictions={file / 'x.csv'}")
 
 

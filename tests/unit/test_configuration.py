@@ -1,11 +1,13 @@
 """From words to settings: what wins over what, and what is said of words that cannot be."""
 
+import shutil
 from pathlib import Path
 
 import pytest
 import yaml
 
 from chatter_core.errors import InvalidInput
+from pipeline import configuration, shipped
 from pipeline.configuration import compose_settings, sort_words
 from pipeline.settings import Settings
 
@@ -18,6 +20,27 @@ def problems(*words: str) -> list[str]:
     with pytest.raises(InvalidInput) as refused:
         settings(*words)
     return refused.value.problems
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "teeth: 2\n diameter_mm: 3\n",
+            r"configs/tool/mine.yaml, line 2: no valid yaml: mapping values are not allowed",
+        ),
+        ("defaults:\n  - override /grid: smokes\n", r"configs: cannot be composed: "),
+    ],
+)
+def test_a_config_that_cannot_be_composed_is_told(text, said, tmp_path: Path, monkeypatch):
+    copied = tmp_path / "configs"
+    shutil.copytree(configuration.CONFIGS, copied)
+    (copied / "tool" / "mine.yaml").write_text(text)
+    for module in (configuration, shipped):
+        monkeypatch.setattr(module, "CONFIGS", copied)
+    (problem,) = problems("study=smoke", "tool=mine")
+    assert said in problem
+    assert "\n" not in problem
 
 
 @pytest.fixture

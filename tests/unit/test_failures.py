@@ -308,6 +308,11 @@ def test_a_pull_counts_for_as_many_as_are_looked_at():
     alike = [p for p in comparison.parameters if p.touches == "structure"]
     assert len(alike) > 1
     assert found.chance == pytest.approx(len(alike) * 2.0 * stats.norm.sf(3.5))
+    # Coordinates of a curve are none of them, however many they are.
+    curve = [p.name for p in alike if p.name != "tip_stiffness"]
+    left = failures(comparison.model, compared, np.ones(60), fitted, curve)
+    (found,) = (f for f in left if f.quantity == "calibration")
+    assert found.chance == pytest.approx(2.0 * stats.norm.sf(3.5))
 
 
 def test_a_right_model_is_not_told_to_fail_where_labels_err_as_priors_say():

@@ -69,6 +69,11 @@ def test_what_is_wrong_is_told(machine, words, told):
         chatter_core.stability_lobes(machine, **words)
 
 
+def test_a_machines_file_is_no_machine():
+    with pytest.raises(InvalidInput, match=r"machine: found 'machine.yaml', allowed: a machine, as read_machine"):
+        chatter_core.stability_lobes("machine.yaml", [5000.0])
+
+
 def test_unknown_names_are_no_attributes():
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = chatter_core.nothing
