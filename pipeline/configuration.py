@@ -4,7 +4,10 @@ Hydra composes the configs that are shipped; nothing of it is ever instantiated.
 looks like a path replaces the machine's parts by the content of that file.
 """
 
+import difflib
 import json
+import os
+import re
 from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
@@ -18,7 +21,7 @@ from omegaconf import OmegaConf
 from pydantic import ValidationError
 from yaml import YAMLError
 
-from chatter_core.effects import effect_names, own_effects, unknown_effect
+from chatter_core.effects import effect_names, own_effects
 from chatter_core.errors import InvalidInput
 from chatter_core.machine import MACHINE_FILE
 from chatter_core.reading import load_value, load_yaml, nearest, sentences, shown
@@ -42,6 +45,8 @@ PARTS_OF_KINDS = {"grid": "sweep", "design": "dataset"}
 EFFECTS_PATH = "effects_path"
 #: Parts of the settings that have no keys of their own.
 WITHOUT_KEYS = ("study", EFFECTS_PATH)
+#: Names so much alike are one with a letter slipped.
+SLIP = 0.8
 #: Base models by name, and where they take the bearings' stiffness.
 BASES = {"full": "dynamic", "static_bearing": "static"}
 
@@ -123,7 +128,8 @@ def _near_choice(key: str, value: str, choices: list[str]) -> str:
     if key != "machine":
         return nearest(value, choices)
     file = Path(value) / MACHINE_FILE
-    return f"did you mean {file}?" if file.is_file() else f"{nearest(value, choices)}, or FILE.yaml"
+    # What is too long for a path, or may not be looked into, is none.
+    return f"did you mean {file}?" if os.path.isfile(file) else f"{nearest(value, choices)}, or FILE.yaml"
 
 
 def repeated(words: list[str]) -> list[str]:
@@ -223,9 +229,16 @@ def compose_settings(
 def _check_preloads(values: list[str]) -> None:
     """Raise InvalidInput where both the machine's preload and those of the grid are named: the former says nothing."""
     named = dict(word.partition("=")[::2] for word in values)
-    of_grid = [key for key in named if key.startswith("grid.preload_n") and named[key] != "null"]
+    of_grid = [word for word in values if re.match(r"grid\.preload_n(=|\.|\[)", word) and not _is_null(word)]
     if "spindle.preload_n" in named and of_grid:
         raise InvalidInput([f"spindle.preload_n: says nothing beside {of_grid[0]}; say one of the two"])
+
+
+def _is_null(word: str) -> bool:
+    try:
+        return load_value(word.partition("=")[2]) is None
+    except ValueError:
+        return False
 
 
 def _near_root(key: str, roots: list[str], words: Words) -> str:
@@ -302,11 +315,21 @@ def named_effects(text: str, own: Path | None = None) -> list[str]:
     names = [found] if isinstance(found, str) else found
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise InvalidInput([f"effects: found {shown(text)}, allowed: a list of names, effects=[a,b]"])
-    problems = [unknown_effect(name, own) for name in names if name not in effect_names(own)]
+    problems = [_unknown_effect(name, own) for name in names if name not in effect_names(own)]
     problems += [f"effects: {name} stands twice" for name in sorted(set(names)) if names.count(name) > 1]
     if problems:
         raise InvalidInput(problems)
     return names
+
+
+def _unknown_effect(name: str, own: Path | None) -> str:
+    """Return a sentence about a name that no effect has: with the nearest, and where one of the user's own would be."""
+    names = list(effect_names(own))
+    said = f"effects: found {name!r}; {nearest(name, names)}"
+    if difflib.get_close_matches(name, names, cutoff=SLIP):
+        return said
+    asked_for = f"yours are looked for in the folder that {EFFECTS_PATH}=DIR names"
+    return f"{said} ({asked_for if own is None else f'nor is it in {own}'})"
 
 
 def _as_written(sentence: str, machine_file: Path | None) -> str:
@@ -322,13 +345,11 @@ def _compose(words: Words) -> dict[str, Any]:
     try:
         with initialize_config_dir(str(CONFIGS), version_base=None):
             composed = compose("config", [f"{key}={value}" for key, value in words.choices.items()])
-    except YAMLError as error:
-        for file in sorted(CONFIGS.rglob("*.yaml")):
-            load_yaml(file)
-        raise InvalidInput([f"{CONFIGS}: no valid yaml: {error}"]) from None
-    except HydraException as error:
-        told = next(line.strip() for line in str(error).splitlines() if line.strip())
-        raise InvalidInput([f"{CONFIGS}: cannot be composed: {told}"]) from None
+    except (YAMLError, HydraException, ValueError) as error:
+        for group, choice in words.choices.items():
+            load_yaml(CONFIGS / group / f"{choice}.yaml")
+        told = str(error) or str(error.__cause__) or type(error).__name__
+        raise InvalidInput([f"{CONFIGS}: cannot be composed: {told.strip().splitlines()[0]}"]) from None
     data = OmegaConf.to_container(composed, resolve=False)
     assert isinstance(data, dict)
     return {str(key): value for key, value in data.items()}

@@ -69,7 +69,8 @@ def _refuse_loss(options: PredictOptions) -> None:
     if measured or (options.model is not None and place == options.model.resolve()):
         raise InvalidInput([f"predictions: {options.predictions} is read for the prediction; name another file"])
     refuse_other_file(options.predictions, "predictions", lambda first: all(name in first for name in PREDICTED))
-    if place.suffix != ".csv":
+    # A pipe or a terminal takes whatever is written.
+    if options.predictions.suffix.lower() != ".csv" and (place.is_file() or not place.exists()):
         raise InvalidInput([f"predictions: found {str(options.predictions)!r}, allowed: a file name ending in .csv"])
 
 

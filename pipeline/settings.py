@@ -21,7 +21,7 @@ from chatter_core.variables import MODAL_PARAMETERS
 from pipeline.verbs.options import ALL_DEPTH, MOST_SPEED
 
 #: Raised when the meaning of what a store holds changes.
-STORE_VERSION = 2
+STORE_VERSION = 3
 #: A grid with more cells than this is refused before anything is allocated: 2e9 cells take 110 GB.
 MOST_CELLS = 2_000_000_000
 

@@ -235,6 +235,8 @@ class _Path:
             return float(ball.series_factor * max(0.0, radial / math.cos(angle) - reach) ** 1.5)
 
         free = math.acos(min(1.0, radial / reach))
+        if force(STEEPEST) * math.sin(STEEPEST) < axial_force:
+            raise NoEquilibrium("the bearing at standstill does not carry its preload, however steep its contacts")
         angle = brentq(lambda a: force(a) * math.sin(a) - axial_force, free, STEEPEST, xtol=1e-15)
         centre = (ball.outer_reach + (force(angle) / ball.outer_factor) ** (2 / 3)) * np.array(
             [math.sin(angle), math.cos(angle)]

@@ -5,7 +5,6 @@ stem. Only files of these two folders are ever loaded; what a yaml says is looke
 """
 
 import copyreg
-import difflib
 import hashlib
 import re
 import sys
@@ -24,8 +23,6 @@ from chatter_core.errors import InvalidInput
 from chatter_core.reading import near_path, nearest
 
 FOLDER = Path(__file__).parent
-#: Names so much alike are one with a letter slipped.
-SLIP = 0.8
 #: What a file must be called: its stem is the effect's name.
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -74,19 +71,6 @@ def own_digest(name: str, folder: Path) -> str:
     return hashlib.sha256((folder / f"{name}.py").read_bytes()).hexdigest()[:16]
 
 
-def unknown_effect(name: str, own: Path | None = None) -> str:
-    """Return a sentence about a name that no effect has, with the nearest; own: the user's folder, where one was named.
-
-    See docs/physics.md#effects.
-    """
-    names = list(effect_names(own))
-    said = f"effects: found {name!r}; {nearest(name, names)}"
-    if difflib.get_close_matches(name, names, cutoff=SLIP):
-        return said
-    where = "yours are looked for in the folder that effects_path=DIR names" if own is None else f"nor is it in {own}"
-    return f"{said} ({where})"
-
-
 @cache
 def effect_class(name: str, own: Path | None = None) -> type[Effect]:
     """Return the class of an effect, of the program's or of a user's ``own`` folder.
@@ -97,7 +81,7 @@ def effect_class(name: str, own: Path | None = None) -> type[Effect]:
     See docs/physics.md#effects.
     """
     if name not in effect_names(own):
-        raise InvalidInput([unknown_effect(name, own)])
+        raise InvalidInput([f"effects: found {name!r}; {nearest(name, list(effect_names(own)))}"])
     if own is None or name in _stems(FOLDER, "py"):
         return _only_class(name, import_module(f"{__package__}.{name}"))
     kind = _only_class(name, _load(name, own))

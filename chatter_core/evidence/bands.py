@@ -34,7 +34,8 @@ class Band:
     """A band that holds too many failures.
 
     low, high: first and last value in it; seen: data in it; failed: those that failed, and expected: how many do
-    by chance; chance: that data of a right model have as conspicuous a band anywhere.
+    by chance; chance: that data of a right model have as conspicuous a band anywhere, that at
+    most where it is smaller than LEAST_CHANCE.
     """
 
     low: float

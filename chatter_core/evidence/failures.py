@@ -28,6 +28,8 @@ from chatter_core.units import si_factor
 IMPROBABLE = 0.05
 #: A band with more than this share of the data is no particular place.
 MOST_OF_ALL = 0.8
+#: No smaller chance is written down.
+LEAST_TOLD = 1e-99
 #: A pull beyond this many prior widths is a finding by itself.
 LARGEST_PULL = 3.0
 #: Labels that err more than is typical may hide what the model lacks; that they err less says nothing of it.
@@ -298,7 +300,8 @@ def _where(key: str, band: Band, unit: str) -> str:
 
 def _sentence(data: _Data, band: Band, where: str) -> str:
     hence = f": {data.hence}" if data.hence else ""
-    chance = f"{band.chance:.1g}" if band.chance > LEAST_CHANCE else f"{min(band.chance, LEAST_CHANCE):.1g} at most"
+    at_most = max(min(band.chance, LEAST_CHANCE), LEAST_TOLD)
+    chance = f"{band.chance:.1g}" if band.chance > LEAST_CHANCE else f"{at_most:.1g} at most"
     return (
         f"Of {band.seen} {data.what} {where}, {band.failed} {data.done}; noise explains {band.expected:.1f} "
         f"(chance {chance}){hence}."

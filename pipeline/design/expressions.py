@@ -93,13 +93,13 @@ class Formula:
 
 
 def _unknown_key(named: Iterable[tuple[str | int, ...]], description: dict[str, Any]) -> str:
-    """Return which of the keys that are named a description lacks, with the nearest; "" where it has them all."""
+    """Return which of the keys that are named a description does not say, with the nearest; "" where it says all."""
     for first, *others in named:
         here: Any = description.get(str(first))
         for place, part in enumerate(others):
             if isinstance(here, dict) and part not in here:
-                whole = ".".join(map(str, (first, *others[: place + 1])))
-                return f"{whole}: unknown key; {nearest(str(part), [*here])}"
+                whole = "".join(f"[{one}]" if isinstance(one, int) else f".{one}" for one in others[: place + 1])
+                return f"{first}{whole} is not said of this machine; {nearest(str(part), [*here])}"
             try:
                 here = here[part]
             except (TypeError, LookupError):

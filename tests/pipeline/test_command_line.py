@@ -278,8 +278,10 @@ def test_a_wrong_machine_file_gets_one_message(change, message, capsys, tmp_path
         ),
         (
             ["sweep", "spindle.preload_n=250", "grid.preload_n=[100,200]"],
-            ["spindle.preload_n: says nothing beside grid.preload_n; say one of the two"],
+            ["spindle.preload_n: says nothing beside grid.preload_n=[100,200]; say one of the two"],
         ),
+        (["sweep", "spindle.preload_n=250", "grid.preload_nn=3"], ["grid.preload_nn: unknown key"]),
+        ([*POINT, "machine=" + "a" * 300, "nonsense=3"], ["allowed: reference, or FILE.yaml", "nonsense: unknown key"]),
         ([*POINT, "machine=own"], ["machine: found 'own'; did you mean own/machine.yaml?"]),
         ([*POINT, "machine=."], ["machine: found '.'; allowed: reference, or FILE.yaml"]),
         ([*POINT, "spindle.sections=[]"], ["spindle.sections: found [], allowed: at least 1 entry"]),

@@ -29,6 +29,8 @@ def problems(*words: str) -> list[str]:
             "teeth: 2\n diameter_mm: 3\n",
             r"configs/tool/mine.yaml, line 2: no valid yaml: mapping values are not allowed",
         ),
+        ("teeth: ${\n", r"configs: cannot be composed: "),
+        ("defaults: 3\n", r"configs: cannot be composed: Invalid defaults list"),
         ("defaults:\n  - override /grid: smokes\n", r"configs: cannot be composed: "),
     ],
 )

@@ -204,7 +204,10 @@ def test_what_is_wrong_is_told(said, words):
     ("level", "words"),
     [
         ({"constraints": ["tool.diameter_mm > 100"]}, "too few to go on"),
-        ({"constraints": ["tool.diametre_mm > 1"]}, "tool.diametre_mm: unknown key; did you mean diameter_mm?"),
+        (
+            {"constraints": ["tool.diametre_mm > 1"]},
+            "tool.diametre_mm is not said of this machine; did you mean diameter_mm?",
+        ),
         ({"constraints": ["tool.diameter_mm"]}, "allowed: a comparison"),
         ({"formulas": {"tool.a": "1 / (tool.teeth - 4)"}}, "division by zero"),
         ({"formulas": {"tool.a": "process.direction"}}, "a finite number"),

@@ -48,7 +48,7 @@ class Told:
     """What a correction says.
 
     gain: its log evidence over that of the base model [nats]; places (place,) in the unit of the axis' name; factor of
-    the quantity as described, low and high with COVERAGE at each place, (place,) each, NaN where it was not climbed;
+    the quantity, as ``total_slope`` has it, low and high with COVERAGE, (place,) each, NaN where it was not climbed;
     level: the factor that the base model's calibration gives the quantity as a whole; text: a sentence.
     """
 
@@ -180,8 +180,8 @@ def mending(found: Sequence[Told]) -> str:
 def total_slope(corrected: Corrected, x: Array) -> Array:
     """Return the derivatives of ln(factor) at places (place,) by all parameters of the fit (place, parameter).
 
-    The factor is that of the quantity as it was described: that of the nuisance which multiplies it as a whole is
-    in it, for the data tell their product.
+    Where a nuisance multiplies the quantity as a whole the factor is that of the quantity as it was described: the
+    nuisance's is in it, for the data tell their product.
 
     See docs/physics.md#corrections.
     """
