@@ -176,6 +176,14 @@ def test_a_bearing_that_cannot_run_says_so(reference_machine):
         state.require_solved()
 
 
+def test_a_preload_that_no_contact_carries_is_told(reference_machine):
+    soft = {"youngs_modulus": 1e6}
+    bearing = reference_machine.bearing
+    parts = {name: getattr(bearing, name).model_copy(update=soft) for name in ("ball", "ring")}
+    with pytest.raises(NoEquilibrium, match="at standstill does not carry its preload"):
+        axisymmetric_state(bearing.model_copy(update=parts), 1e6, np.zeros(1), "constant")
+
+
 def test_a_path_ends_where_a_stiffness_would_go_through_infinity(reference_machine):
     """Hardly preloaded and rolling on its inner race: beyond, the ring's radial stiffness comes out negative."""
     bearing = reference_machine.bearing.model_copy(update={"raceway_control": "inner"})
