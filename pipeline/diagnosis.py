@@ -35,7 +35,7 @@ from pipeline.corrections import Corrections
 from pipeline.jobs import Job, spread
 from pipeline.model_file import Content
 from pipeline.own_effects import check_own
-from pipeline.search import Singles, arrived, pairs_of, singles, taken_over, with_half_refitted
+from pipeline.search import Singles, arrived, pairs_of, singles, taken_over, with_halves_refitted
 
 #: Effects that restore what a base model was asked to leave out.
 RESTORING = {"speed_dependent_bearing": "base", "higher_modes": "modes"}
@@ -320,7 +320,7 @@ def _decided(
     if pairs:
         left = judge.left([first.best, *(one.best for one in pairs[:1])])
         if (pair := leading_pair(found.ranking, pairs, left)) is not None:
-            found = with_half_refitted(found, pair)
+            found = with_halves_refitted(workers, found, pair)
     base, ranking = found.base, found.ranking
     if ranking[0].name != first.name:
         beside = None

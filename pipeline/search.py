@@ -187,14 +187,17 @@ def _worth_fitting(prospects: Sequence[Prospect], least: float) -> list[Prospect
     return found
 
 
-def with_half_refitted(found: Singles, pair: Ranked) -> Singles:
-    """Return the single effects, the better half of a pair that leads fitted again from the pair's place.
+def with_halves_refitted(workers: Workers | None, found: Singles, pair: Ranked) -> Singles:
+    """Return the single effects, both halves of a pair that leads fitted again from the pair's place.
 
-    A pair that is held against a half that had not arrived gains what the half has missed.
+    A pair that is held against a half that had not arrived gains what the half has missed. What promised little where
+    the base model has come to was not climbed, and may be all that is missing: the other half has led there.
     """
-    half = max((one for one in found.fitted if one.name in pair.best.names), key=lambda one: one.fit.log_evidence)
-    again = refit(half, pair.best.fit)
-    return replace(found, fitted=[again if one is half else one for one in found.fitted])
+    which = {str(candidate) for candidate in pair.best.candidates}
+    halves = [one for one in found.fitted if str(one.candidates[-1]) in which]
+    jobs = [Job(name=f"{one.name}, from the pair", call=partial(refit, one, pair.best.fit)) for one in halves]
+    again = dict(zip(map(id, halves), spread(workers, jobs), strict=True))
+    return replace(found, fitted=[again.get(id(one), one) for one in found.fitted])
 
 
 def taken_over(

@@ -6,8 +6,8 @@ import pytest
 from chatter_core.evidence import Comparison, base_model
 from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.pursuit import fit_hypothesis, ground, refit, stay
-from chatter_core.evidence.ranking import NOTHING
-from pipeline.search import Singles, pairs_of, taken_over
+from chatter_core.evidence.ranking import NOTHING, rank
+from pipeline.search import Singles, pairs_of, taken_over, with_halves_refitted
 from tests.synthetic import campaign, measured, tip_machine, trials
 from tests.unit.test_candidates import ASYMMETRY, COEFFICIENT, DEPTHS, IN_Y, PROCESS_DAMPING, SPEEDS, base_of, candidate
 
@@ -79,3 +79,20 @@ def test_a_pair_whose_second_came_to_stand_at_its_null_is_not_fitted_again(named
     assert not standing.moved
     assert standing.fit.reason.startswith("not climbed")
     assert moved.fit.log_evidence > standing.fit.log_evidence + 2.0
+
+
+def test_a_half_that_was_not_climbed_is_fitted_from_where_its_pair_is(named):
+    """Process damping explains most of what a pair gains: it is the answer once the pair has led there."""
+    base, first = named
+    unmoved = stay(base.comparison, [PROCESS_DAMPING], ground(base))
+    other = fit_hypothesis(base.comparison, [IMMERSION], ground(base))
+    beside = fit_hypothesis(base.comparison, [IMMERSION, PROCESS_DAMPING], ground(other))
+    (pair,) = [one for one in rank(base, [beside]) if one.name != NOTHING]
+    found = Singles(base=base, fitted=[unmoved, other])
+    assert not unmoved.moved
+    again = with_halves_refitted(None, found, pair)
+    known = {one.name: one for one in again.fitted}
+    assert again.ranking[0].name == PROCESS_DAMPING.name
+    # It comes as high as the search by itself does: a climb ends where a step promises a third of a nat.
+    assert known[PROCESS_DAMPING.name].fit.log_posterior > first.fit.log_posterior - 1.0
+    assert known[IMMERSION.name].fit.log_posterior >= other.fit.log_posterior
