@@ -52,8 +52,8 @@ def moves_modes(new: Candidate) -> bool:
 def unseen_starts(climb: Climb, own: Array, new: Candidate) -> list[Place]:
     """Return starts of an effect beside what a model has come to, and beside the machine as described.
 
-    For models of which cuts alone say where modes lie: the highest of several. Effects that do not move modes have
-    none. own: (parameter,), where the model has come to.
+    For models of which cuts alone say where modes lie: the highest of several strengths and shapes. Effects that do not
+    move modes have none. own: (parameter,), where the model has come to.
 
     See docs/physics.md#diagnosis.
     """
@@ -63,7 +63,8 @@ def unseen_starts(climb: Climb, own: Array, new: Candidate) -> list[Place]:
         return []
     plain, width = unbent(comparison, own), column(comparison.parameters, "prior_width")
     places = [own] if np.abs((own - plain) / width).max() < ONE_PLACE else [own, plain]
-    starts = [start for place in places for start in starts_at(comparison, place, new, UNSEEN_AMPLITUDES, ())]
+    shapes = shapes_of(new, comparison, None)
+    starts = [start for place in places for start in starts_at(comparison, place, new, UNSEEN_AMPLITUDES, shapes)]
     return sorted(map(climb.place, starts), key=lambda place: -place.height)[:CLIMBED]
 
 
