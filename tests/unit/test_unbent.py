@@ -13,7 +13,7 @@ from chatter_core.evidence.pursuit import LEFT_GAIN, fit_hypothesis, ground
 from chatter_core.evidence.starts import starts_at
 from chatter_core.evidence.unbent import BENT, UNSEEN_AMPLITUDES, at_rest, has_bent, height_at_rest, unseen_starts
 from chatter_core.machine import Machine
-from tests.synthetic import RPM, campaign, receptance, tip_machine, trials
+from tests.synthetic import RPM, campaign, measured, receptance, tip_machine, trials
 from tests.unit.test_candidates import base_of, candidate
 
 FREQUENCY = 2.0 * np.pi * np.arange(100.0, 4000.0, 5.0)
@@ -55,6 +55,25 @@ def test_an_effect_on_modes_begins_where_it_tells_most_beside_a_bent_machine_or_
     found = unseen_starts(climb, np.where(unbent == bent, unbent, 0.02), new)
     sizes = {round(start.values[strength] / new.amplitudes[0].prior_width, 6) for start in found}
     assert sizes == set(UNSEEN_AMPLITUDES)
+
+
+def test_where_cuts_alone_tell_of_modes_shapes_are_begun_from(reference_machine):
+    """A housing that gives at the front seat alone: where both give alike its modes lie elsewhere."""
+    new = candidate("housing_compliance")
+    speed, depth = (axis.ravel() for axis in np.meshgrid(np.linspace(7000.0, 12000.0, 6) * RPM, [1e-3, 2e-3, 3e-3]))
+    plan = campaign(reference_machine, trials=trials(speed, depth))
+    model = base_model(plan, (new.term,))
+    names = [p.name for p in model.parameters]
+    true = model.nulls
+    true[[names.index(f"housing_compliance.{one}") for one in ("compliance_um_n", "rear_difference")]] = 0.01, -1.2
+    comparison = extended(
+        Comparison(model=base_model(measured(plan, true, np.random.default_rng(3), (new.term,)))), [new]
+    )
+    climb = Climb(comparison, np.ones(len(true), dtype=bool))
+    first, _ = unseen_starts(climb, np.array([p.null for p in comparison.parameters]), new)
+    known = dict(zip((p.name for p in comparison.parameters), first.values, strict=True))
+    assert known["housing_compliance.rear_difference"] == -1.2
+    assert known["housing_compliance.compliance_um_n"] == 0.01
 
 
 def test_an_effect_on_forces_has_none():
