@@ -73,7 +73,7 @@ def multipliers(machine: Machine, *effects) -> np.ndarray:
         ("bearing_speed", "return found * np.nan", "bearing_speed returned an array that is not finite where it was"),
         ("preload", "return -found", r"preload returned -\d+, allowed: above 0"),
         ("preload", "return found.astype(int)", "preload returned an array of int64, needed: float64"),
-        ("preload", "return found * 1e9", "the chain cannot use what it returns: ValueError: "),
+        ("preload", "return found * 1e9", "what it returns: the bearing at standstill does not carry its preload"),
         ("ring_growth", "return found + 1e-5j", "ring_growth returned an array of complex128, needed: float64"),
         ("seat_stiffness", "return found * np.inf", "seat_stiffness returned an array that is not finite"),
         ("seat_stiffness", "return found * 0.0", "seat_stiffness returned 0, allowed: above 0"),

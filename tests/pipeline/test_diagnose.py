@@ -197,7 +197,7 @@ def test_too_few_cuts_to_judge_by_are_counted(tmp_path, capsys, verb):
     )
     said = refused(capsys, verb, f"campaign={few}", f"output={tmp_path / 'out'}")
     assert said.startswith("error: campaign: found 2 cuts and nothing else that was measured; needed to judge a model")
-    assert "8 cuts, or a receptance of 8 lines, natural frequency or bearing stiffness" in said
+    assert "8 cuts or limiting depths, or a receptance of 8 lines, natural frequency or bearing stiffness" in said
     assert said.count("\n") == 1
     (few / "frf.csv").write_text(
         "spindle_speed_rpm,frequency_hz,output_axis,input_axis,real_um_n,imag_um_n\n0,100,x,x,0.2,-0.1\n"
