@@ -70,11 +70,15 @@ class Words:
         return [*self.choices, *self.values, *(["machine"] if self.machine_file else [])]
 
     @property
+    def say_the_preload(self) -> bool:
+        """Whether they say the machine's own preload."""
+        return any(word.startswith("spindle.preload_n=") for word in self.values)
+
+    @property
     def name_the_preload(self) -> bool:
         """Whether the machine's own preload is named by the user, and no preloads of the grid are."""
-        keys = {word.partition("=")[0] for word in self.values}
-        named = self.machine_file is not None or "spindle.preload_n" in keys
-        return named and not any(key.startswith("grid.preload_n") for key in keys)
+        named = self.machine_file is not None or self.say_the_preload
+        return named and not any(word.startswith("grid.preload_n") for word in self.values)
 
 
 def words_for(kind: type[Options], words: list[str]) -> Words:
@@ -200,7 +204,7 @@ def compose_settings(
         if described.get("tip") is not None and (chosen := [key for key in BUILT_KEYS if key in words.choices]):
             raise InvalidInput([f"{key}={words.choices[key]}: has no meaning for {MEASURED_TIP}" for key in chosen])
     change(data)
-    _check_preloads(words.values)
+    _check_preloads(words)
     if words.name_the_preload and "grid" in data:
         # It takes the place of a shipped grid's list, which would hide it.
         data["grid"].pop("preload_n", None)
@@ -226,11 +230,10 @@ def compose_settings(
     return settings
 
 
-def _check_preloads(values: list[str]) -> None:
+def _check_preloads(words: Words) -> None:
     """Raise InvalidInput where both the machine's preload and those of the grid are named: the former says nothing."""
-    named = dict(word.partition("=")[::2] for word in values)
-    of_grid = [word for word in values if re.match(r"grid\.preload_n(=|\.|\[)", word) and not _is_null(word)]
-    if "spindle.preload_n" in named and of_grid:
+    of_grid = [word for word in words.values if re.match(r"grid\.preload_n(=|\.|\[)", word) and not _is_null(word)]
+    if words.say_the_preload and of_grid:
         raise InvalidInput([f"spindle.preload_n: says nothing beside {of_grid[0]}; say one of the two"])
 
 

@@ -44,7 +44,7 @@ def run(words: list[str]) -> int:
     if options.preload_n is not None:
         if machine.spindle is None:
             raise InvalidInput(["preload_n: not allowed for a machine of measured tip modes, which knows no preload"])
-        if any(word.startswith("spindle.preload_n=") for word in sorted_words.values):
+        if sorted_words.say_the_preload:
             raise InvalidInput(["preload_n: says the same as spindle.preload_n; say one of the two"])
         machine = machine.with_preload(options.preload_n)
     if options.output is not None:
