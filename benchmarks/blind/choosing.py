@@ -52,7 +52,6 @@ class Numbers:
     tied_together: float = verdict.TIED_TOGETHER
     nothing_named: float = verdict.NOTHING_NAMED
     pair_gain: float = verdict.PAIR_GAIN
-    second_gain: float = verdict.SECOND_GAIN
     pair_lead: float = verdict.PAIR_LEAD
     outstanding: float = verdict.OUTSTANDING
     gross_chance: float = verdict.GROSS_CHANCE

@@ -20,9 +20,9 @@ POSSIBLE = 0.1
 NOTHING_NAMED = 0.5
 #: More than this many are not a tie but ignorance.
 MOST_TIED = 3
-#: A pair is named when it gains so much over its better half, and over the first of the ranking [nats]: where the first
-#: fails a check, and where it fails none, which is what a second effect needs to be named beside it.
-PAIR_GAIN, SECOND_GAIN = 5.0, 8.0
+#: A pair is named when it gains so much over its better half, and over the first of the ranking [nats]: about what one
+#: effect needs to be named beside nothing, for a second one is one of as many.
+PAIR_GAIN = 8.0
 #: Pairs that gain less than this over one another are tied [nats].
 PAIR_LEAD = 2.5
 #: What is left counts as a failed check when it is so improbable by chance.
@@ -82,11 +82,12 @@ def leading_pair(
         return None
     best = pairs[0]
     simpler = [ranking[0], *(one for one in ranking if one.name in best.best.names)]
-    lead = best.gain - max(one.gain for one in simpler)
+    if best.gain <= max(one.gain for one in simpler) + PAIR_GAIN:
+        return None
     if failed_checks(left[ranking[0].name]):
-        return best if lead > PAIR_GAIN and not _takes_back(best, ranking, pairs, left) else None
+        return None if _takes_back(best, ranking, pairs, left) else best
     is_second = ranking[0].name in best.best.names and len(tied_pairs(pairs)) == 1
-    return best if is_second and lead > SECOND_GAIN and not failed_checks(left[best.name]) else None
+    return best if is_second and not failed_checks(left[best.name]) else None
 
 
 def decide(

@@ -273,7 +273,7 @@ def test_thresholds_of_checks_and_pairs_are_asked_again():
     assert replay(pair, Numbers(pair_gain=15.0)).verdict == "unexplained"
     beside = kept_answer({"a": 30.0, "b": 10.0}, chances={"a + b": []}, pair=told)
     assert replay(beside, Numbers()).missing == ("a", "b")
-    assert replay(beside, Numbers(second_gain=15.0)).missing == ("a",)
+    assert replay(beside, Numbers(pair_gain=15.0)).missing == ("a",)
 
 
 def test_a_grid_measures_what_it_chooses_by():

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from chatter_core.effects import effect_names
 from chatter_core.evidence.failures import Failure
 from chatter_core.evidence.power import ENOUGH, USUAL
 from chatter_core.evidence.ranking import NOTHING, NOTHING_MISSING, TEMPER, Ranked, rank
-from chatter_core.evidence.verdict import NAMED, decide, leading_pair
+from chatter_core.evidence.verdict import NAMED, PAIR_GAIN, decide, leading_pair
 
 
 @dataclass(frozen=True)
@@ -98,9 +99,20 @@ def test_two_effects_are_named_when_the_first_fails_and_both_gain():
     found = decided(ranking, ranked("a + b", 1.0, 40.0), **left)
     assert (found.kind, found.missing) == ("effect", ("a", "b"))
     # A second one that gains little does not mend what fails.
-    assert decided(ranking, ranked("a + b", 1.0, 22.0), **left).kind == "unexplained"
+    assert decided(ranking, ranked("a + b", 1.0, 27.0), **left).kind == "unexplained"
     still = {**left, "a + b": [failure(0.001)]}
     assert decided(ranking, ranked("a + b", 1.0, 40.0), **still).kind == "unexplained"
+
+
+def test_a_second_effect_needs_about_what_one_needs_beside_nothing():
+    others = [hypothesis(name, 0.0) for name in effect_names() if name != "higher_modes"]
+    named = [
+        gain
+        for gain in np.arange(0.0, 20.0, 0.1)
+        if rank(hypothesis("", 0.0), [hypothesis("a", gain), *others[1:]])[0].probability >= NAMED
+    ]
+    # Those that gain nothing have the null's evidence here, and mostly less: by a few tenths of a nat.
+    assert min(named) == pytest.approx(PAIR_GAIN, abs=0.5)
 
 
 def test_of_two_pairs_that_gain_alike_neither_is_named():
@@ -115,18 +127,18 @@ def test_a_pair_is_held_against_its_better_half_and_against_pairs_without_the_fi
     left = {"a": [failure(0.001)], NOTHING: [failure(0.001)]}
     # Where two effects are as good as tied, so are the pairs with a third.
     close = [ranked("a", 0.5, 20.0), ranked("b", 0.49, 19.97), ranked(NOTHING, 0.01, 0.0)]
-    found = decided(close, ranked("a + c", 1.0, 27.0), ranked("b + c", 1.0, 26.0), **left)
+    found = decided(close, ranked("a + c", 1.0, 29.0), ranked("b + c", 1.0, 28.0), **left)
     assert (found.kind, found.missing) == ("ambiguous", ("a", "b", "c"))
     assert found.text.startswith("c is missing, and with it one of a, b")
-    found = decided(close, ranked("a + c", 1.0, 27.0), ranked("b + d", 1.0, 26.0), **left)
+    found = decided(close, ranked("a + c", 1.0, 29.0), ranked("b + d", 1.0, 28.0), **left)
     assert found.missing == ("a", "b", "c", "d")
     assert found.text.startswith("Two effects are missing, a and c, or b and d, which")
-    found = decided(close, ranked("a + c", 1.0, 27.0), ranked("b + c", 1.0, 21.0), **left)
+    found = decided(close, ranked("a + c", 1.0, 29.0), ranked("b + c", 1.0, 21.0), **left)
     assert (found.kind, found.missing) == ("effect", ("a", "c"))
     # Over nothing missing a pair may gain what its better half gains alone.
     nothing = [ranked(NOTHING, 0.5, 0.0), ranked("a", 0.45, 3.5)]
-    assert decided(nothing, ranked("a + c", 1.0, 6.0), **left).kind == "unexplained"
-    assert decided(nothing, ranked("a + c", 1.0, 9.0), **left).missing == ("a", "c")
+    assert decided(nothing, ranked("a + c", 1.0, 10.0), **left).kind == "unexplained"
+    assert decided(nothing, ranked("a + c", 1.0, 12.0), **left).missing == ("a", "c")
 
 
 def test_what_stands_out_is_named_although_it_leaves_something_open():
