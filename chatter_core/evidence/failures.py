@@ -103,8 +103,11 @@ def _of_trials(
             yield from _bands(data, key, place, unit)
     lost = int((np.isnan(compared.prediction.margin) & judged).sum())
     if lost:
+        # As many could have a wrong label, which no model tells.
+        wrong = TYPICAL_MISLABELLED * _more_noise(fit)["mislabelled"]
+        chance = float(scipy.stats.binom.sf(lost - 1, judged.sum(), wrong))
         text = f"The model has no answer for {lost} of {len(trials)} cuts; they count as told wrongly."
-        yield Failure(quantity="outcome", band={}, excess=lost / len(trials), chance=0.0, text=text)
+        yield Failure(quantity="outcome", band={}, excess=lost / len(trials), chance=chance, text=text)
 
 
 def _places(campaign: Campaign, trials: Trials, dominant_mode: Array) -> dict[str, tuple[Array, str]]:

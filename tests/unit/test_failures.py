@@ -1,5 +1,6 @@
 """Where a model fails: silence for a right model, and words with the right place for a wrong one."""
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -201,15 +202,23 @@ def test_cuts_too_slow_for_any_model_are_told_and_count_for_nothing(heard):
     assert failed_checks(found) == []
 
 
-def test_what_an_effect_cannot_answer_where_the_base_model_can_counts():
-    made = campaign(tip_machine(), trials=trials(np.array([4000.0, 5.0]) * RPM, np.full(2, 1e-4)))
-    comparison = Comparison(model=base_model(made))
+@pytest.mark.parametrize(("lost", "fails"), [(1, False), (3, False), (7, True), (39, True)])
+def test_what_an_effect_cannot_answer_where_the_base_model_can_counts_as_wrong_labels_would(lost, fails):
+    # The last of 40 cuts is too slow for any model.
+    speeds = np.append(np.linspace(4000.0, 5000.0, 39), 5.0) * RPM
+    comparison = Comparison(model=base_model(campaign(tip_machine(), trials=trials(speeds, np.full(40, 1e-4)))))
     compared = comparison.compare(comparison.model.nulls)
-    cuts = replace(compared.prediction.cuts, margin=np.full(2, np.nan))
-    compared = replace(compared, prediction=replace(compared.prediction, cuts=cuts))
-    fails, told_only = failures(comparison.model, compared, np.ones(2), None)
-    assert fails.text == "The model has no answer for 1 of 2 cuts; they count as told wrongly."
-    assert failed_checks([fails, told_only]) == [fails]
+    margin = np.where(np.arange(40) < lost, np.nan, compared.prediction.margin)
+    compared = replace(
+        compared, prediction=replace(compared.prediction, cuts=replace(compared.prediction.cuts, margin=margin))
+    )
+    found = failures(comparison.model, compared, np.ones(40), None)
+    (told,) = (one for one in found if "no answer" in one.text)
+    assert told.text == f"The model has no answer for {lost} of 40 cuts; they count as told wrongly."
+    # Of 39 labels 4 % are wrong: more than so many with this chance.
+    fewer = sum(math.comb(39, k) * 0.04**k * 0.96 ** (39 - k) for k in range(lost))
+    assert told.chance == pytest.approx(1.0 - fewer, rel=1e-6, abs=1e-12)
+    assert (told in failed_checks(found)) == fails
 
 
 def test_damping_that_is_off_to_one_side_is_told():
