@@ -11,7 +11,7 @@ from chatter_core.evidence import Comparison, calibrate
 from chatter_core.evidence.assessment import Assessment, Limits, Version, version
 from chatter_core.evidence.belief import Belief, fitted
 from chatter_core.evidence.candidates import Candidate, Hypothesis, slope_of
-from chatter_core.evidence.failures import Failure
+from chatter_core.evidence.failures import Failure, but_for_effects
 from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.next_measurement import NextMeasurement
 from chatter_core.evidence.next_trial import NextTrial
@@ -22,6 +22,7 @@ from chatter_core.evidence.scores import Score
 from chatter_core.evidence.starts import waves_between_teeth
 from chatter_core.evidence.verdict import (
     Verdict,
+    close_pairs,
     decide,
     failed_checks,
     is_sure,
@@ -119,7 +120,11 @@ class Diagnosis(ShownAsCard):
         """The hypothesis that the verdict names, or the best supported one; the base model where nothing is missing."""
         if self.verdict.kind in ("none", "underpowered"):
             return self.base
-        return (self.leading_pair or self.ranking[0]).best
+        if (pair := self.leading_pair) is not None:
+            return pair.best
+        if self.verdict.kind == "ambiguous":
+            return next(one for one in self.ranking if one.name == self.verdict.missing[0]).best
+        return self.ranking[0].best
 
     @property
     def supported(self) -> Hypothesis:
@@ -256,7 +261,7 @@ def diagnose(
     judge = _Judge()
     diagnosis = _decided(workers, found, candidates, content, judge)
     first = found.ranking[0].best
-    if first is found.base or diagnosis.supported is not first:
+    if diagnosis.supported is found.base or diagnosis.leading_pair is not None:
         return diagnosis
     settled = arrived(workers, found)
     tried = diagnosis.pairs if settled.ranking[0].best is first else []
@@ -318,13 +323,13 @@ def _decided(
         pairs, fitted = pairs_of(workers, found.base, candidates, found.ranking, suffices=not fails)
         beside = None if fails else fitted
     if pairs:
-        left = judge.left([first.best, *(one.best for one in pairs[:1])])
+        left = judge.left([first.best, *(one.best for one in close_pairs(pairs))])
         if (pair := leading_pair(found.ranking, pairs, left)) is not None:
             found = with_halves_refitted(workers, found, pair)
     base, ranking = found.base, found.ranking
     if ranking[0].name != first.name:
         beside = None
-    told_of = [base, *(one.best for one in [*not_ruled_out(ranking), *pairs[:1]] if one.best is not base)]
+    told_of = [base, *(one.best for one in [*not_ruled_out(ranking), *close_pairs(pairs)] if one.best is not base)]
     left, powers = judge.left(told_of), judge.powers(workers, base, candidates)
     return Diagnosis(
         content=content,
@@ -347,24 +352,13 @@ def _judged(hypothesis: Hypothesis) -> Version:
 
 
 def what_is_left(hypothesis: Hypothesis, judged: Version) -> list[Failure]:
-    """Return what a hypothesis fails in, but for how large its own effects are within their bounds.
-
-    Their priors say what is usual, and the evidence has counted already how unusual they are.
-    """
-    fit = hypothesis.fit
-    at_bound = {p.name for p, stands in zip(fit.parameters, fit.at_bound, strict=True) if stands}
-    own = effect_parameters(hypothesis.comparison.model) - at_bound
-    return [failure for failure in judged.failures if failure.band.get("parameter") not in own]
+    """Return what a hypothesis fails in, but for how large its own effects are."""
+    return but_for_effects(judged.failures, hypothesis.comparison.model, hypothesis.fit)
 
 
 def _powers(workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate]) -> list[Power]:
     slope = slope_of(base)
     return spread(workers, [Job(name=f"power for {one}", call=partial(power, base, one, slope)) for one in candidates])
-
-
-def effect_parameters(model: CampaignModel) -> set[str]:
-    """Return the names of all parameters of a model's effects."""
-    return {p.name for term in model.terms if isinstance(term, Effect) for p in term.parameters}
 
 
 def name_of(hypothesis: Hypothesis) -> str:

@@ -133,6 +133,10 @@ def read_campaign(folder: str | Path) -> Campaign:
             receptances += found.receptances
             remarks += found.remarks
     problems += [*_measured_twice(folder, receptances), *_without_motion(folder, receptances)]
+    if receptances and not any(receptance.is_direct for receptance in receptances):
+        unread += _without_measure(receptances)
+        receptances = []
+        rows.pop(RECEPTANCE.file, None)
     if machine is not None and machine.spindle is None and BEARING.file in rows:
         del rows[BEARING.file]
         unread.append(f"{BEARING.file}: is not used, the machine's measured tip modes know no bearings")
@@ -280,6 +284,15 @@ def _without_motion(folder: Path, receptances: Sequence[Receptance]) -> list[str
         "measured"
         for receptance in receptances
         if not np.abs(receptance.value).max() > LEAST_RECEPTANCE
+    ]
+
+
+def _without_measure(receptances: Sequence[Receptance]) -> list[str]:
+    """Return a remark for every response across the axes beside which there is no direct one."""
+    return [
+        f"{receptance.source}: receptance {receptance} is not used; no direct one, x over x or y over y, tells how "
+        "much of it is noise"
+        for receptance in receptances
     ]
 
 

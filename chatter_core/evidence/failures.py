@@ -17,7 +17,7 @@ from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.margin import LIMIT_REACH, out_of_reach
 from chatter_core.evidence.measured import DIRECTIONS, OUTCOMES, Trials
 from chatter_core.evidence.measured_rows import rows_of
-from chatter_core.evidence.nuisances import TYPICAL_MARGINAL_WIDTH, TYPICAL_MISLABELLED, TYPICAL_OUTCOME_WIDTH
+from chatter_core.evidence.nuisances import TYPICAL_MARGINAL_WIDTH, TYPICAL_MISLABELLED, TYPICAL_OUTCOME_WIDTH, Nuisance
 from chatter_core.evidence.parameters import Array
 from chatter_core.evidence.prediction import CampaignModel, Prediction
 from chatter_core.evidence.receptance_bands import Misfit, misfits
@@ -89,6 +89,18 @@ def failures(
     found += _of_responses(campaign, compared.prediction)
     found += _of_pulls(fit, curve) if fit is not None else []
     return sorted(found, key=lambda failure: (failure.chance, -failure.excess))
+
+
+def but_for_effects(found: Sequence[Failure], model: CampaignModel, fit: Fit) -> list[Failure]:
+    """Return failures but for how large a model's effects are within their bounds.
+
+    Their priors say what is usual, and the evidence has counted already how unusual they are.
+
+    See docs/physics.md#diagnosis.
+    """
+    at_bound = {p.name for p, stands in zip(fit.parameters, fit.at_bound, strict=True) if stands}
+    of_effects = {p.name for term in model.terms if not isinstance(term, Nuisance) for p in term.parameters}
+    return [failure for failure in found if failure.band.get("parameter") not in of_effects - at_bound]
 
 
 def _of_trials(

@@ -240,11 +240,18 @@ def line_weights(values: Sequence[ComplexArray], largest: Sequence[float]) -> li
 def stands_out(value: ComplexArray, largest: float) -> NDArray[np.bool_]:
     """Return which lines (line,) of a response noise alone hardly makes; largest: the measuring range [m/N].
 
+    As resonances do, and neither noise nor a hum, they stand together: one line of noise is loud in most responses,
+    two side by side are in one of as many as there are lines.
+
     See docs/physics.md#likelihoods.
     """
     # Of so many lines of noise, each the square of two normal numbers, one is larger than this by chance.
     least = np.sqrt(2.0 * np.log(max(len(value), 2)))
-    return np.asarray(np.abs(value) > least * line_errors(value, largest))
+    loud = np.abs(value) > least * line_errors(value, largest)
+    beside = np.zeros_like(loud)
+    beside[1:] |= loud[:-1]
+    beside[:-1] |= loud[1:]
+    return np.asarray(loud & beside)
 
 
 def _standing_out(value: ComplexArray, largest: float) -> ComplexArray:

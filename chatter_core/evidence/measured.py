@@ -179,7 +179,8 @@ def measuring_ranges(responses: Sequence[Receptance]) -> tuple[float, ...]:
     """Return the largest value that was measured along with each response [m/N], of which a share is noise.
 
     That of a direct response is its own. One across the axes may hold nothing but noise and what the sensors catch of
-    the other axis: it has the geometric mean of both direct ones, at the nearest speed at which they were measured.
+    the other axis: it has the geometric mean of both direct ones, at the nearest speed at which they were measured, or
+    that of the only one. Where none was measured it has its own, by which noise alone would pass for a response.
 
     See docs/physics.md#likelihoods.
     """
@@ -187,12 +188,12 @@ def measuring_ranges(responses: Sequence[Receptance]) -> tuple[float, ...]:
 
 
 def _measuring_range(one: Receptance, responses: Sequence[Receptance]) -> float:
-    largest = []
-    for axis in (one.output_axis, one.input_axis):
+    beside = []
+    for axis in () if one.is_direct else (one.output_axis, one.input_axis):
         direct = [other for other in responses if other.is_direct and other.output_axis == axis]
-        nearest = min(direct, key=lambda other: abs(other.spindle_speed - one.spindle_speed), default=one)
-        largest.append(float(np.abs((one if one.is_direct else nearest).value).max()))
-    return math.sqrt(largest[0] * largest[1])
+        beside += sorted(direct, key=lambda other: abs(other.spindle_speed - one.spindle_speed))[:1]
+    largest = [float(np.abs(other.value).max()) for other in beside or [one]]
+    return math.prod(largest) ** (1.0 / len(largest))
 
 
 @dataclass(frozen=True, kw_only=True)

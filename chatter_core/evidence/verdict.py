@@ -37,7 +37,11 @@ SEEN_SHARE = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """The answer. kind: one of the five; missing: names, none unless kind is effect or ambiguous; text: why."""
+    """The answer.
+
+    kind: one of the five; missing: names, none unless kind is effect or ambiguous, of tied effects the one first that
+    is to stand for them; text: why.
+    """
 
     kind: str
     missing: tuple[str, ...]
@@ -86,7 +90,7 @@ def leading_pair(
         return None
     if failed_checks(left[ranking[0].name]):
         return None if _takes_back(best, ranking, pairs, left) else best
-    is_second = ranking[0].name in best.best.names and len(tied_pairs(pairs)) == 1
+    is_second = ranking[0].name in best.best.names and len(_tied(pairs, left)) == 1
     return best if is_second and not failed_checks(left[best.name]) else None
 
 
@@ -99,8 +103,8 @@ def decide(
     """Return the verdict.
 
     ranking: nothing missing and single effects, the most probable first; pairs: those that were tried, the best
-    first; powers: of all candidates; left: where nothing missing, those that are not ruled out and the best pair still
-    fail, by name.
+    first; powers: of all candidates; left: where nothing missing, those that are not ruled out and the pairs that come
+    close to the best still fail, by name.
 
     See docs/physics.md#diagnosis.
     """
@@ -111,12 +115,25 @@ def decide(
     if checks and (pair is not None or not _another_suffices(ranking, left)):
         if not _stands_out(best, [*ranking, *pairs], checks):
             return _unexplained(best, checks)
-        return _with_rest(_named(ranking) if pair is None else _two(pairs), checks)
+        return _with_rest(_named(ranking) if pair is None else _two(pairs, left), checks)
     if pair is not None:
-        return _two(pairs)
-    if first.name == NOTHING:
-        return _perhaps(ranking) if checks else _nothing(ranking, powers)
-    return _named(ranking)
+        return _two(pairs, left)
+    if not checks:
+        return _nothing(ranking, powers) if first.name == NOTHING else _named(ranking)
+    return _doubted(_perhaps(ranking) if first.name == NOTHING else _named(ranking), ranking, left)
+
+
+def _doubted(verdict: Verdict, ranking: Sequence[Ranked], left: Mapping[str, Sequence[Failure]]) -> Verdict:
+    """Return a verdict that says with which of the possible answers a check fails, and with which none does."""
+    fails = {one.name: failed_checks(left[one.name]) for one in not_ruled_out(ranking)}
+    failing, passing = ([name for name in fails if bool(fails[name]) is does] for does in (True, False))
+    model = {NOTHING: "the base model"}
+    with_which, not_with = (" and ".join(model.get(name, name) for name in names) for names in (failing, passing))
+    text = (
+        f"{verdict.text} A check still fails with {with_which}, and none with {not_with}: {fails[failing[0]][0].text}"
+    )
+    missing = tuple(sorted(verdict.missing, key=lambda name: name not in passing))
+    return Verdict(kind=verdict.kind, missing=missing, text=text)
 
 
 def _another_suffices(ranking: Sequence[Ranked], left: Mapping[str, Sequence[Failure]]) -> bool:
@@ -157,17 +174,23 @@ def _unexplained(best: Ranked, checks: Sequence[Failure]) -> Verdict:
     return Verdict(kind="unexplained", missing=(), text=text)
 
 
-def tied_pairs(pairs: Sequence[Ranked]) -> list[Ranked]:
-    """Return the best pair and those that gain about as much; pairs: the best first.
+def close_pairs(pairs: Sequence[Ranked]) -> list[Ranked]:
+    """Return the best pair and those that gain about as much, which may be tied with it; pairs: the best first.
 
     See docs/physics.md#diagnosis.
     """
     return [one for one in pairs if one.gain > pairs[0].gain - PAIR_LEAD]
 
 
-def _two(pairs: Sequence[Ranked]) -> Verdict:
+def _tied(pairs: Sequence[Ranked], left: Mapping[str, Sequence[Failure]]) -> list[Ranked]:
+    """Return the best pair and those that neither gains nor checks part from it."""
+    best, *others = close_pairs(pairs)
+    return [best, *(one for one in others if failed_checks(left[best.name]) or not failed_checks(left[one.name]))]
+
+
+def _two(pairs: Sequence[Ranked], left: Mapping[str, Sequence[Failure]]) -> Verdict:
     """Return the two effects that are named, or those that are tied."""
-    tied = tied_pairs(pairs)
+    tied = _tied(pairs, left)
     names = tuple(sorted({name for one in tied for name in one.best.names}))
     if len(tied) == 1:
         text = f"Two effects are missing, {' and '.join(names)}: together they gain {pairs[0].gain:.0f} nats."
@@ -203,9 +226,12 @@ def _nothing(ranking: Sequence[Ranked], powers: Sequence[Power]) -> Verdict:
 
 
 def _perhaps(ranking: Sequence[Ranked]) -> Verdict:
-    """Return that an effect may be missing, or nothing."""
-    effect = next(one for one in ranking if one.name != NOTHING)
-    text = f"{effect.name} may be missing, or nothing: {effect.probability:.2f} against {_of_nothing(ranking):.2f}."
+    """Return that an effect may be missing, one of those that are possible, or nothing."""
+    effects = [one for one in ranking if one.name != NOTHING]
+    possible = [one for one in effects if one is effects[0] or one.probability > POSSIBLE]
+    names = " or ".join(one.name for one in possible)
+    shares = " and ".join(f"{one.probability:.2f}" for one in possible)
+    text = f"{names} may be missing, or nothing: {shares} against {_of_nothing(ranking):.2f}."
     return Verdict(kind="underpowered", missing=(), text=text)
 
 

@@ -1,12 +1,14 @@
 """Corrections: the covariance that is stated, and curves that an effect or a nuisance makes just as well."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from chatter_core.effects import variants
-from chatter_core.evidence import CampaignModel, base_model
+from chatter_core.evidence import CampaignModel, Comparison, base_model
 from chatter_core.evidence.corrections.curve import LENGTH, MOST_KNOTS, Curve, curve_over, matern
-from chatter_core.evidence.corrections.fitted import corrected_model
+from chatter_core.evidence.corrections.fitted import checks_failed, corrected_model
 from chatter_core.evidence.corrections.terms import (
     AMPLITUDE,
     DAMPING,
@@ -183,3 +185,17 @@ def test_a_wearing_edge_is_felt_trial_by_trial():
         factor = np.interp(rows.mean(), found.curve.knots, rising)
         alone = predicted(model, {"specific_cutting_energy": factor})
         np.testing.assert_allclose(got.margin[rows], alone.margin[rows], atol=1e-6)
+
+
+@pytest.mark.parametrize("at_bound", [False, True])
+def test_how_large_an_effect_has_to_be_is_no_check_that_a_correction_could_mend(at_bound):
+    (effect,) = variants("cutting_speed_coefficient")
+    (size,) = effect.parameters
+    model = base_model(plan(tip_machine()), (effect,))
+    own = np.array([parameter.name == size.name for parameter in model.parameters])
+    pull = np.where(own, 5.0, 0.0)
+    fit = SimpleNamespace(
+        parameters=model.parameters, estimate=model.nulls, pull=pull, at_bound=own if at_bound else np.zeros_like(own)
+    )
+    found = checks_failed(Comparison(model=model), fit)
+    assert [one.band["parameter"] for one in found if one.quantity == "calibration"] == [size.name] * at_bound

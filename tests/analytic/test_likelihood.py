@@ -280,8 +280,26 @@ def test_noise_across_the_axes_holds_no_more_facts_than_one_peak():
     # A model that has nothing there is right: no line is off by more than noise. Two deviations of a chi-square mean.
     nothing = likelihood.receptance(noise, np.zeros_like(noise), 1.0, ranges[2])
     assert (nothing.coordinates**2).mean() == pytest.approx(1.0, abs=2.0 * np.sqrt(2.0 / 1762.0))
-    # Alone it has no other measure than itself.
+    # Of one direct response alone it has the range, and without any it has no other measure than itself.
+    for one in direct:
+        assert measuring_ranges([across, one])[0] == np.abs(one.value).max()
     assert measuring_ranges([across]) == (np.abs(noise).max(),)
+
+
+def test_noise_alone_is_silent_but_once_in_as_many_responses_as_there_are_lines():
+    lines, responses = 100, 4000
+    rng = np.random.default_rng(8)
+    noise = likelihood.FLOOR_ERROR * (
+        rng.standard_normal((responses, lines)) + 1j * rng.standard_normal((responses, lines))
+    )
+    loud = sum(likelihood.stands_out(one, 1.0).any() for one in noise)
+    # Two neighbours, of 99 pairs, are each as loud as one in a hundred is; four deviations of a Poisson count.
+    expected = responses * (lines - 1) / lines**2
+    assert loud == pytest.approx(expected, abs=4.0 * np.sqrt(expected))
+    # One line of hum is no resonance either.
+    hum = np.where(np.arange(lines) == 50, 1.0, 0.0) + 0j
+    assert not likelihood.stands_out(hum, 1.0).any()
+    assert likelihood.stands_out(np.where(np.arange(lines) // 2 == 25, 1.0, 0.0) + 0j, 1.0).sum() == 2
 
 
 def test_lines_of_a_response_are_normal_in_both_parts():

@@ -9,6 +9,7 @@ from chatter_core.effects import variants
 from chatter_core.evidence.failures import Failure
 from chatter_core.evidence.next_measurement import of_cut
 from chatter_core.evidence.next_trial import NextTrial
+from chatter_core.evidence.nuisances import machine_nuisances
 from chatter_core.evidence.ranking import NOTHING, Ranked
 from chatter_core.evidence.scores import Score
 from pipeline.diagnosis import Diagnosis, what_is_left
@@ -20,7 +21,7 @@ from pipeline.diagnosis_document import (
     unsettled,
 )
 from pipeline.diagnosis_page import ranking_rows, summary
-from tests.synthetic import RPM
+from tests.synthetic import RPM, tip_machine
 
 
 def failure(quantity, **band):
@@ -31,10 +32,10 @@ def left(at_bound):
     """Return the parameters whose sizes count, with an effect's size at its bound or not."""
     (effect,) = variants("radial_immersion_error")
     (size,) = effect.parameters
-    nuisance = SimpleNamespace(name="kn")
+    nuisance = next(one for one in machine_nuisances(tip_machine()) if one.parameter.name == "kn")
     hypothesis = SimpleNamespace(
-        comparison=SimpleNamespace(model=SimpleNamespace(terms=(SimpleNamespace(parameters=(nuisance,)), effect))),
-        fit=SimpleNamespace(parameters=(nuisance, size), at_bound=np.array([False, at_bound])),
+        comparison=SimpleNamespace(model=SimpleNamespace(terms=(nuisance, effect))),
+        fit=SimpleNamespace(parameters=(nuisance.parameter, size), at_bound=np.array([False, at_bound])),
     )
     judged = SimpleNamespace(
         failures=[

@@ -92,6 +92,22 @@ def test_responses_are_grouped_and_ascend(folder):
     assert str(second) == "y over x at 500 rpm"
 
 
+def test_a_response_across_the_axes_is_used_beside_a_direct_one_alone(folder):
+    across = FRF + "0,100,y,x,0.1,0\n0,200,y,x,0.2,-0.2\n"
+    (folder / "frf.csv").write_text(across)
+    (folder / "limits.csv").write_text("spindle_speed_rpm,limit_depth_mm,uncertainty_mm\n9000,1.2,0.1\n")
+    why = "frf.csv: receptance y over x at 0 rpm is not used; no direct one, x over x or y over y, tells how much of it"
+    assert [one.startswith(why) for one in read_campaign(folder).remarks] == [True]
+    assert read_campaign(folder).receptances == ()
+    (folder / "frf.csv").write_text(across + "0,100,y,y,0.1,0\n0,200,y,y,0.2,-0.2\n")
+    assert len(read_campaign(folder).receptances) == 2
+    (folder / "limits.csv").unlink()
+    (folder / "frf.csv").write_text(across)
+    (problem,) = problems(folder)
+    assert problem.startswith(f"{folder}: no measurement yet")
+    assert why in problem
+
+
 def test_modes_stiffness_and_limits(folder):
     (folder / "modes.csv").write_text("spindle_speed_rpm,mode,natural_frequency_hz,damping_ratio\n0,1,500,\n")
     (folder / "bearing.csv").write_text("spindle_speed_rpm,preload_n,radial_stiffness_n_um\n9000,100,35\n")

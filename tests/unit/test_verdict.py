@@ -42,7 +42,9 @@ def failure(chance):
 
 POWERFUL = [Seen(Named(name), 50.0) for name in "abcd"]
 BLIND = [Seen(Named(name), 50.0 if name == "a" else 0.5 * ENOUGH) for name in "abcd"]
-NOTHING_LEFT: dict[str, list[Failure]] = {name: [] for name in (NOTHING, "a", "b", "c", "a + b", "a + c")}
+NOTHING_LEFT: dict[str, list[Failure]] = {
+    name: [] for name in (NOTHING, "a", "b", "c", "a + b", "a + c", "b + c", "b + d")
+}
 
 
 def decided(ranking, *pairs, powers=POWERFUL, **left):
@@ -141,6 +143,17 @@ def test_a_pair_is_held_against_its_better_half_and_against_pairs_without_the_fi
     assert decided(nothing, ranked("a + c", 1.0, 12.0), **left).missing == ("a", "c")
 
 
+def test_a_pair_that_leaves_checks_failed_is_not_tied_with_one_that_leaves_none():
+    ranking = [ranked("a", 0.99, 20.0), ranked(NOTHING, 0.01, 0.0)]
+    pairs = [ranked("a + b", 1.0, 40.0), ranked("a + c", 1.0, 39.0)]
+    failed = [failure(0.001)]
+    # With checks that the first leaves failed, and as a second beside one that suffices.
+    for left in ({"a": failed, "a + c": failed}, {"a + c": failed}):
+        found = decided(ranking, *pairs, **left)
+        assert (found.kind, found.missing) == ("effect", ("a", "b"))
+    assert decided(ranking, *pairs, a=failed).kind == "ambiguous"
+
+
 def test_what_stands_out_is_named_although_it_leaves_something_open():
     ranking, left = [ranked("a", 0.99, 40.0), ranked("b", 0.01, 10.0), ranked(NOTHING, 0.0, 0.0)], [failure(0.001)]
     found = decided(ranking, a=left)
@@ -193,18 +206,25 @@ def test_what_is_ruled_out_does_not_keep_anything_from_being_unexplained():
 def test_unexplained_is_not_said_where_one_that_is_not_ruled_out_passes():
     left = {"a": [failure(0.001)]}
     tied = [ranked("a", 0.5, 20.0), ranked("b", 0.48, 20.0), ranked(NOTHING, 0.02, 0.0)]
-    assert decided(tied, **left).missing == ("a", "b")
+    found = decided(tied, **left)
+    # What leaves no check failed stands for both.
+    assert (found.kind, found.missing) == ("ambiguous", ("b", "a"))
+    assert found.text.endswith("A check still fails with a, and none with b: It fails there.")
     ruled_out = [ranked("a", 0.9, 20.0), ranked("b", 0.1, 15.0)]
     assert decided(ruled_out, **left).kind == "unexplained"
     for probability in (0.5, 0.85):
         nothing = [ranked(NOTHING, probability, 0.0), ranked("a", 0.98 - probability, 4.0)]
-        assert decided(nothing, **{NOTHING: [failure(0.001)]}).kind == "underpowered"
+        found = decided(nothing, **{NOTHING: [failure(0.001)]})
+        assert found.kind == "underpowered"
+        assert found.text.endswith("A check still fails with the base model, and none with a: It fails there.")
 
 
 def test_nothing_is_not_said_where_effects_together_are_more_probable():
     found = decided([ranked(NOTHING, 0.36, 0.0), ranked("a", 0.32, 2.0), ranked("b", 0.32, 2.0)])
     assert found.kind == "underpowered"
-    assert "a may be missing, or nothing" in found.text
+    assert found.text == "a or b may be missing, or nothing: 0.32 and 0.32 against 0.36."
+    found = decided([ranked("a", 0.41, 4.0), ranked(NOTHING, 0.5, 0.0), ranked("b", 0.09, 1.0)])
+    assert found.text == "a may be missing, or nothing: 0.41 against 0.50."
 
 
 def test_variants_that_were_not_fitted_count():

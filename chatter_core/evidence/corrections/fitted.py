@@ -12,7 +12,7 @@ from chatter_core.evidence.candidates import Hypothesis, carried
 from chatter_core.evidence.comparison import Comparison
 from chatter_core.evidence.corrections.terms import TRIAL, Correction
 from chatter_core.evidence.corrections.trial_order import OrderedModel
-from chatter_core.evidence.failures import Failure, failures
+from chatter_core.evidence.failures import Failure, but_for_effects, failures
 from chatter_core.evidence.fit import Fit, free_parameters, height, maximise, result
 from chatter_core.evidence.newton import Climb, Maximum
 from chatter_core.evidence.parameters import Array
@@ -124,14 +124,17 @@ def _climbed(comparison: Comparison, own: Array, free: NDArray[np.bool_]) -> Fit
 
 
 def checks_failed(comparison: Comparison, fit: Fit, correction: Correction | None = None) -> list[Failure]:
-    """Return the checks that fail with a fit; coordinates of a correction's own curve are no calibration.
+    """Return the checks that fail with a fit.
+
+    How large an effect has to be is none, nor is any coordinate of a correction's own curve.
 
     See docs/physics.md#corrections.
     """
     compared = comparison.compare(fit.estimate)
     modes = dominant_modes(comparison.model, compared.prediction).astype(float)
     curve = [parameter.name for parameter in correction.parameters] if correction is not None else []
-    return failed_checks(failures(comparison.model, compared, modes, fit, curve))
+    found = failures(comparison.model, compared, modes, fit, curve)
+    return failed_checks(but_for_effects(found, comparison.model, fit))
 
 
 def told(base: Fit, failed: int, corrected: Corrected) -> Told:
