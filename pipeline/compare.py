@@ -2,16 +2,20 @@
 
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from chatter_core.evidence import CampaignModel, Comparison, calibrate
 from chatter_core.evidence.assessment import Assessment, as_described, assess
 from chatter_core.evidence.belief import Belief, fitted
+from chatter_core.evidence.candidates import Hypothesis
+from chatter_core.evidence.fit import Fit
 from pipeline import comparison_document, comparison_page, judging, model_file
 from pipeline.campaigns import Asked
 from pipeline.cluster import Workers
 from pipeline.jobs import Job, spread_parts
 from pipeline.judging import MODEL, Verb
 from pipeline.pieces import held_out_jobs, interval_jobs, intervals, lobe_jobs, lobes
+from pipeline.profiling import fitted_from, highest
 from pipeline.verbs.campaigns import CompareOptions
 
 
@@ -50,22 +54,32 @@ def compute(workers: Workers | None, comparison: Comparison, belief: Belief) -> 
         },
     )
     (fit,), (described,) = first["calibrated"], first["described"]
-    known = fitted(fit)
     parameters = [p.name for p in model.parameters if p.touches != "measurement"]
-    second = spread_parts(
+    second = _told_of(workers, comparison, fit, before, parameters)
+    if (higher := highest(second["intervals"])) is not None:
+        # A calibration that lies below what its own profiles come upon is none.
+        fit = fitted_from(workers, Hypothesis(candidates=(), comparison=comparison, fit=fit), higher).fit
+        second = _told_of(workers, comparison, fit, before, parameters)
+    return assess(
+        comparison,
+        described=(described, before, lobes(first["lobes"])),
+        refitted=(fit, fitted(fit), lobes(second["lobes"])),
+        held_out=second["held_out"],
+        intervals=intervals(fit, parameters, second["intervals"]),
+    )
+
+
+def _told_of(
+    workers: Workers | None, comparison: Comparison, fit: Fit, before: Belief, parameters: list[str]
+) -> dict[str, list[Any]]:
+    """Return what is told of a calibration: cuts held out, ends of intervals of parameters, and lobes."""
+    return spread_parts(
         workers,
         {
             "held_out": held_out_jobs(comparison, fit.estimate, before.estimate),
             "intervals": interval_jobs(comparison, fit, parameters),
-            "lobes": lobe_jobs(model, known, "lobes as calibrated"),
+            "lobes": lobe_jobs(comparison.model, fitted(fit), "lobes as calibrated"),
         },
-    )
-    return assess(
-        comparison,
-        described=(described, before, lobes(first["lobes"])),
-        refitted=(fit, known, lobes(second["lobes"])),
-        held_out=second["held_out"],
-        intervals=intervals(fit, parameters, second["intervals"]),
     )
 
 

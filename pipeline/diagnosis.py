@@ -1,6 +1,6 @@
 """What is missing in a model: every candidate is fitted to a campaign, and one of five answers given."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -36,6 +36,7 @@ from pipeline.corrections import Corrections
 from pipeline.jobs import Job, spread
 from pipeline.model_file import Content
 from pipeline.own_effects import check_own
+from pipeline.profiling import profiled
 from pipeline.search import Singles, arrived, pairs_of, singles, taken_over, with_halves_refitted
 
 #: Effects that restore what a base model was asked to leave out.
@@ -260,17 +261,38 @@ def diagnose(
     found = singles(workers, base, candidates) if pairs is None else taken_over(workers, base, candidates, pairs)
     judge = _Judge()
     diagnosis = _decided(workers, found, candidates, content, judge)
-    first = found.ranking[0].best
-    if diagnosis.supported is found.base or diagnosis.leading_pair is not None:
+    if diagnosis.supported is diagnosis.base:
         return diagnosis
-    settled = arrived(workers, found)
-    tried = diagnosis.pairs if settled.ranking[0].best is first else []
-    diagnosis = _decided(workers, settled, candidates, content, judge, tried, seconds=seconds)
-    # Another variant may have come first meanwhile, of whose parameters there are none, or a pair have led higher.
-    profiled = settled.ranking[0].best
-    same = [*map(str, profiled.candidates)] == [*map(str, first.candidates)] and diagnosis.supported is profiled
-    kept = settled.intervals if same else {}
-    return replace(diagnosis, intervals=kept)
+    known: dict[str, Limits] = {}
+    if diagnosis.leading_pair is None:
+        first = found.ranking[0].best
+        found = arrived(workers, found)
+        tried = diagnosis.pairs if found.ranking[0].best is first else []
+        diagnosis = _decided(workers, found, candidates, content, judge, tried, seconds=seconds)
+        # Another variant may have come first meanwhile, of whose parameters there are none.
+        now = found.ranking[0].best
+        same = [*map(str, now.candidates)] == [*map(str, first.candidates)] and diagnosis.supported is now
+        known = found.intervals if same else {}
+    diagnosis = replace(diagnosis, intervals=known)
+    return with_arrived_pair(workers, diagnosis, partial(_decided, workers, found, candidates, content, judge))
+
+
+def with_arrived_pair(
+    workers: Workers | None, diagnosis: Diagnosis, decided: Callable[[Sequence[Ranked]], Diagnosis]
+) -> Diagnosis:
+    """Return a diagnosis whose named pair, where there is one, no profile leads above, as no single effect's does.
+
+    decided: decides again, by pairs of which one has risen.
+    """
+    pair = diagnosis.leading_pair
+    if pair is None or diagnosis.supported is not pair.best:
+        return diagnosis
+    named, limits = profiled(workers, pair.best)
+    if named is not pair.best:
+        gain = pair.gain + named.fit.log_evidence - pair.best.fit.log_evidence
+        risen = [replace(pair, best=named, gain=gain) if one is pair else one for one in diagnosis.pairs]
+        diagnosis = decided(sorted(risen, key=lambda one: -one.gain))
+    return replace(diagnosis, intervals=limits if diagnosis.supported is named else {})
 
 
 class _Judge:

@@ -1,5 +1,6 @@
 """Intervals of an effect's parameters, and a fit that no profile of theirs ends above."""
 
+from collections.abc import Sequence
 from functools import partial
 
 from chatter_core.evidence.assessment import Ended, Limits
@@ -20,13 +21,23 @@ def profiled(workers: Workers | None, named: Hypothesis) -> tuple[Hypothesis, di
     if not names:
         return named, {}
     ends = _ends(workers, named, names)
-    higher = [one for one in ends if isinstance(one, HigherPlace)]
-    if higher:
-        highest = max(higher, key=lambda one: one.rise)
-        again = partial(refit_from, named, highest.values)
-        (named,) = spread(workers, [Job(name=f"{named.name}, from a higher place", call=again)])
+    if (higher := highest(ends)) is not None:
+        named = fitted_from(workers, named, higher)
         ends = _ends(workers, named, names)
     return named, intervals(named.fit, names, ends)
+
+
+def highest(ends: Sequence[Ended]) -> HigherPlace | None:
+    """Return the highest place that profiles have come upon above their fit, None where it was a maximum."""
+    return max((one for one in ends if isinstance(one, HigherPlace)), key=lambda one: one.rise, default=None)
+
+
+def fitted_from(workers: Workers | None, hypothesis: Hypothesis, place: HigherPlace) -> Hypothesis:
+    """Return a hypothesis that is fitted again from a higher place."""
+    again = partial(refit_from, hypothesis, place.values)
+    name = f"{hypothesis.name or 'calibration'}, from a higher place"
+    found: list[Hypothesis] = spread(workers, [Job(name=name, call=again)])
+    return found[0]
 
 
 def own_parameters(named: Hypothesis) -> list[str]:

@@ -28,6 +28,8 @@ FREQUENCY_SHARE, FREQUENCY_FLOOR, FREQUENCY_DRIFT = 0.005, 2.0 * np.pi * 3.0, 0.
 #: Degrees of freedom of its distribution; share of those that belong to another branch of multipliers. So many lines to
 #: either side of the nearest count one by one, those farther off as if spread evenly.
 FREQUENCY_FREEDOM, FREQUENCY_ELSEWHERE, NEIGHBOURS = 4.0, 0.1, 3
+#: Places in a line spacing at which it is asked what a frequency that is heard there would say.
+MOVED = 400
 #: Degrees of freedom of a limit depth's: beside a lobe's peak a resonance that is slightly off is off by a factor.
 LIMIT_FREEDOM = 4.0
 #: Coordinate of a limit depth that is one scale off: the root of the expected information of a location.
@@ -157,6 +159,26 @@ def heard_motion(residual: Array, share: Array, scale: Array, spacing: Array) ->
     own = (weight * slope)[trial, motion]
     together = (weight * density).sum(axis=(1, 2))
     return residual[trial, motion, sign], together, own[trial, sign] - own[trial, 1 - sign]
+
+
+def chance_beyond(far: Array, residual: Array, share: Array, scale: Array, spacing: Array) -> Array:
+    """Return how probably (trial,) a chatter frequency is farther than ``far`` [rad/s] from the line that was heard.
+
+    residual, share, scale, spacing: as for ``heard_motion``, of any frequency: it is moved over a spacing, and what it
+    would be then is weighed by the density that ``chatter_frequency`` has. Where lines lie close, few lie beyond.
+
+    See docs/physics.md#comparison.
+    """
+    shift = spacing[:, None] * (np.arange(MOVED) + 0.5) / MOVED
+    apart = spacing[:, None, None, None]
+    moved = (residual[:, None] + shift[:, :, None, None] + 0.5 * apart) % apart - 0.5 * apart
+    each = [np.repeat(one, MOVED, axis=0) for one in (share, scale, spacing)]
+    heard, nearby, _ = heard_motion(moved.reshape(-1, *residual.shape[1:]), *each)
+    density = (1.0 - FREQUENCY_ELSEWHERE) * nearby + FREQUENCY_ELSEWHERE / each[-1]
+    beyond = np.abs(heard).reshape(shift.shape) > far[:, None]
+    chance = (beyond * density.reshape(shift.shape)).sum(axis=1) * spacing / MOVED
+    # What lies between two places is not seen, and may be heard all the same.
+    return np.maximum(chance, FREQUENCY_ELSEWHERE / MOVED)
 
 
 def chatter_frequency(residual: Array, share: Array, scale: Array, spacing: Array) -> Contribution:

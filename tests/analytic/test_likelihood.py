@@ -124,6 +124,31 @@ def test_any_motion_that_grows_may_be_the_loudest_by_its_share_of_the_growth():
     assert heard / HZ == pytest.approx([-50.0, 2.0, -50.0])
 
 
+@pytest.mark.parametrize("spacing", [60.0, 130.0, 400.0, 1200.0])
+@pytest.mark.parametrize("motions", [1, 3])
+def test_a_frequency_is_as_often_far_off_as_is_said(spacing, motions):
+    """Frequencies are drawn as they are said to be heard: of any motion and sign, one in ten anywhere."""
+    rng, count = np.random.default_rng(motions), 20_000
+    frequency = rng.uniform(0.1, 0.4, motions) * spacing
+    scale = np.hypot(0.005 * 900.0, 3.0)
+    line = rng.choice(frequency, count) * rng.choice([-1.0, 1.0], count)
+    heard = np.where(
+        rng.random(count) < 0.1, rng.uniform(0.0, spacing, count), line + scale * rng.standard_t(4.0, count)
+    )
+    one = np.ones(count)
+    residual = likelihood.to_lines(heard[:, None], frequency * one[:, None], spacing * one[:, None])
+    share, far = np.full((count, motions), 1.0 / motions), 2.8 * scale
+    apart = np.abs(likelihood.heard_motion(residual, share, scale * one, spacing * one)[0])
+    of_one = [each[:5] for each in (far * one, residual, share, scale * one, spacing * one)]
+    said = likelihood.chance_beyond(*of_one)
+    # Wherever it was heard the same is said, but for where its lattice of places lies: a part of a place at each edge.
+    edges = 4 * motions / likelihood.MOVED * (0.1 + 0.9 * spacing * stats.t.pdf(2.8, 4.0) / scale)
+    assert said == pytest.approx(np.full(5, said[0]), abs=edges)
+    expected = (apart > far).mean()
+    # Four deviations of a share of so many.
+    assert said[0] == pytest.approx(expected, abs=edges + 4.0 * np.sqrt(max(expected, 1e-3) / count))
+
+
 def test_chatter_frequencies_drift_as_chatter_grows():
     measured = np.full(4, 1200.0) * HZ
     found = likelihood.frequency_scale(measured, np.array([-0.4, 0.0, 0.45, np.nan])) / HZ
