@@ -106,8 +106,10 @@ def write_whole(write: Callable[[Path], list[Path]], output: Path, earlier: Iter
         over = {*map(Path, earlier)} - {*names}
         require_room(output, [*names, *over])
         with held_back():
+            # A folder may find no room, and nothing has been moved yet.
             for name in names:
                 (output / name).parent.mkdir(exist_ok=True)
+            for name in names:
                 (beside / name).replace(output / name)
             for name in over:
                 (output / name).unlink(missing_ok=True)

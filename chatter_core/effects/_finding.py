@@ -25,6 +25,8 @@ from chatter_core.reading import near_path, nearest
 FOLDER = Path(__file__).parent
 #: What a file must be called: its stem is the effect's name.
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
+#: What a ranking calls a model that lacks nothing.
+NO_EFFECT = "none"
 
 
 @cache
@@ -49,11 +51,19 @@ def own_effects(folder: Path) -> tuple[str, ...]:
     if not folder.is_dir():
         raise InvalidInput([f"effects_path: {folder} is not a folder{near_path(folder)}"])
     classes, values, taken = (_stems(folder, "py"), _stems(folder, "yaml"), _stems(FOLDER, "py"))
-    problems = [f"{folder / name}.py: {name}.yaml is missing beside it" for name in sorted(classes - values)]
+    problems = [
+        f"{folder / name}.py: {name}.yaml is missing beside it{_yml(folder, name)}" for name in sorted(classes - values)
+    ]
     problems += [f"{folder / name}.yaml: {name}.py is missing beside it" for name in sorted(values - classes)]
+    if problems:
+        problems.append(f"{folder}: every .py and .yaml file in it is taken for an effect's; keep all others elsewhere")
     for name in sorted(classes):
         if name in taken:
             problems.append(f"{folder / name}.py: the program has an effect of this name; give yours another")
+        if name == NO_EFFECT:
+            problems.append(
+                f"{folder / name}.py: {name} is the answer where nothing is missing; give yours another name"
+            )
         if not _NAME.fullmatch(name):
             problems.append(f"{folder / name}.py: an effect's name has small letters, digits and _, a letter first")
         if not (folder / f"{name}.py").is_file():
@@ -61,6 +71,10 @@ def own_effects(folder: Path) -> tuple[str, ...]:
     if problems:
         raise InvalidInput([f"effects_path: {problem}" for problem in problems])
     return tuple(sorted(classes))
+
+
+def _yml(folder: Path, name: str) -> str:
+    return f"; rename {name}.yml" if (folder / f"{name}.yml").exists() else ""
 
 
 def own_digest(name: str, folder: Path) -> str:
@@ -104,7 +118,9 @@ def _only_class(name: str, module: ModuleType) -> type[Effect]:
         if issubclass(member, Effect) and member.__module__ == module.__name__
     ]
     if len(found) != 1:
-        raise InvalidInput([f"effects: {name}.py holds {len(found)} effects, allowed: exactly one"])
+        raise InvalidInput(
+            [f"effects: {module.__file__} holds {len(found)} effects, allowed: exactly one class derived from Effect"]
+        )
     return found[0]
 
 

@@ -16,6 +16,7 @@ from chatter_core.own_laws import told
 from chatter_core.parameters import Parameter, Touches
 from chatter_core.reading import nearest
 from chatter_core.stages import ARROWS, OF_THE_STRUCTURE
+from chatter_core.units import SUFFIXES, split_key
 
 if TYPE_CHECKING:
     from chatter_core.effects._base import Effect, Setting
@@ -71,6 +72,8 @@ def _findings_of_parameters(kind: "type[Effect]") -> Iterator[str]:
             yield f"declared: found the name {one.name!r}, allowed: small letters, digits and _, a letter first"
         if one.name in named:
             yield f"declared: {one.name} stands twice"
+        if (units := _units(one.name)) and one.unit not in units:
+            yield f"declared: unit of {one.name}: found {one.unit!r}, needed, by its name: {' or '.join(units)}"
         if one.touches not in get_args(Touches):
             allowed = nearest(str(one.touches), list(get_args(Touches)))
             yield f"declared: touches of {one.name}: found {one.touches!r}; {allowed}"
@@ -78,6 +81,13 @@ def _findings_of_parameters(kind: "type[Effect]") -> Iterator[str]:
             allowed = f"{one.lower:g} to {one.upper:g}"
             yield f"declared: prior_mean of {one.name}: found {one.prior_mean:g}, allowed: {allowed}"
         named.append(one.name)
+
+
+def _units(name: str) -> list[str]:
+    """Return how a unit in which a parameter's name ends is written, none where it ends in none."""
+    suffix = split_key(str(name))[1]
+    # n_m is newton metres or newtons per metre.
+    return sorted({SUFFIXES[suffix][1], SUFFIXES[suffix][1].replace("N m", "N/m")}) if suffix else []
 
 
 def _findings_of_scan(kind: "type[Effect]") -> Iterator[str]:

@@ -45,6 +45,10 @@ from chatter_core.units import si_factor
 USUAL_RECEPTANCE = (1e-9, 1e-4)
 #: No motion is as small [m/N]: an atom's size at a meganewton is 1e-16.
 LEAST_RECEPTANCE = 1e-30
+#: No campaign is cut so slowly, or so little deep, throughout [rpm, mm].
+LEAST_USUAL_RPM, LEAST_USUAL_MM = 60.0, 0.01
+#: Chatter is no slower than this share of the revolutions.
+LEAST_REVOLUTIONS = 0.1
 #: Share of the imaginary part in a response's peak beyond which its sign is that of a resonance.
 CLEAR_SIGN = 0.5
 #: Receptances and remarks that a campaign shows of itself.
@@ -142,6 +146,8 @@ def read_campaign(folder: str | Path) -> Campaign:
         unread.append(f"{BEARING.file}: is not used, the machine's measured tip modes know no bearings")
     if not problems and not rows and not receptances:
         problems.append(_nothing_measured(folder, unread))
+    if RECEPTANCE.file in rows:
+        problems += _other_preloads(folder / RECEPTANCE.file, rows[RECEPTANCE.file], machine)
     if STABILITY.file in rows and machine is not None:
         problems += _contradictions(folder / STABILITY.file, rows[STABILITY.file], machine)
     if problems or machine is None:
@@ -170,6 +176,8 @@ def read_responses(path: Path) -> Responses:
         rows = read_table(path, RECEPTANCE)
         if not len(rows):
             raise InvalidInput([f"{path}: holds a header and no rows, needed: a line for each frequency"])
+        if other := _other_preloads(path, rows):
+            raise InvalidInput(other)
         found = Responses(
             receptances=tuple(_receptances(rows, path.name)), unknown_columns=_unknown_columns(rows, path.name)
         )
@@ -287,6 +295,22 @@ def _without_motion(folder: Path, receptances: Sequence[Receptance]) -> list[str
     ]
 
 
+def _other_preloads(path: Path, rows: Rows, machine: Machine | None = None) -> list[str]:
+    """Return a finding where receptances are stated to be of several preloads, or of another than the machine's."""
+    stated = np.unique(rows.columns["preload"][~np.isnan(rows.columns["preload"])])
+    findings = Findings(path)
+    own = None if machine is None or machine.spindle is None else machine.spindle.preload
+    other = stated if own is None else stated[~np.isclose(stated, own, rtol=1e-6)]
+    if len(stated) > 1 or (own is not None and len(other)):
+        needed = "one for all" if own is None else f"{own:g}, the machine's own"
+        findings.add(
+            f"found {' and '.join(f'{one:g}' for one in stated)}, needed: {needed}; receptances under another preload "
+            f"are a campaign of their own, with that preload in its {MACHINE_FILE}",
+            column="preload_n",
+        )
+    return findings.sentences()
+
+
 def _without_measure(receptances: Sequence[Receptance]) -> list[str]:
     """Return a remark for every response across the axes beside which there is no direct one."""
     return [
@@ -383,6 +407,29 @@ def _oddities(rows: dict[str, Rows], receptances: list[Receptance], machine: Mac
                 "it is not used"
             )
         remarks += unused_preloads(STABILITY.file, trials.columns["preload"], machine)
+        remarks += _odd_trials(trials)
+    return remarks
+
+
+def _odd_trials(trials: Rows) -> list[str]:
+    """Return what speaks for another unit in trial cuts, or for thousands that are separated."""
+    speed, depth, frequency = (trials.columns[name] for name in ("spindle_speed", "axial_depth", "chatter_frequency"))
+    remarks = []
+    for values, least, what in (
+        (speed / si_factor("spindle_speed_rpm"), LEAST_USUAL_RPM, "spindle_speed_rpm"),
+        (depth / si_factor("axial_depth_mm"), LEAST_USUAL_MM, "axial_depth_mm"),
+    ):
+        if len(values) and values.max() < least:
+            remarks.append(
+                f"{STABILITY.file}: {what} is {values.max():.4g} at most; is its unit right, and are thousands not "
+                "separated?"
+            )
+    slow = np.flatnonzero(frequency < LEAST_REVOLUTIONS * speed)
+    if len(slow):
+        remarks.append(
+            f"{STABILITY.file}: chatter frequencies below a tenth of the spindle's revolutions: {len(slow)}, the first "
+            f"in line {trials.line[slow].min()}; is their unit right?"
+        )
     return remarks
 
 

@@ -178,7 +178,7 @@ def chance_beyond(far: Array, residual: Array, share: Array, scale: Array, spaci
     beyond = np.abs(heard).reshape(shift.shape) > far[:, None]
     chance = (beyond * density.reshape(shift.shape)).sum(axis=1) * spacing / MOVED
     # What lies between two places is not seen, and may be heard all the same.
-    return np.maximum(chance, FREQUENCY_ELSEWHERE / MOVED)
+    return np.asarray(np.maximum(chance, FREQUENCY_ELSEWHERE / MOVED))
 
 
 def chatter_frequency(residual: Array, share: Array, scale: Array, spacing: Array) -> Contribution:

@@ -66,6 +66,7 @@ RECEPTANCE = Table(
         Column(key="input_axis", doc="direction of the force", choices=AXES),
         Column(key="real_um_n", doc="real part of the receptance", bounds=_RECEPTANCE),
         Column(key="imag_um_n", doc="imaginary part, negative at a resonance", bounds=_RECEPTANCE),
+        column_like(Spindle, "preload", "axial preload that it was taken under: the machine's own", optional=True),
     ),
 )
 MODES = Table(

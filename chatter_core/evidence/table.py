@@ -17,7 +17,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +69,13 @@ class Header:
     names: list[str]
     width: int
     line: int
+
+
+class Decimals(NamedTuple):
+    """The mark that a file's numbers are written with, "" where none has any, and the first cell that has it."""
+
+    mark: str
+    seen: str
 
 
 def read_table(path: Path, table: Table) -> Rows:
@@ -190,10 +197,10 @@ def _blocks(
     wanted = {column.key for column in table.columns}
     unknown: dict[str, list[str]] = {key: [] for key in header.names if key not in wanted}
     blocks = [{name: np.empty(0) for name in ("line", *(column.name for column in table.columns))}]
-    mark = "." if header.separator == "," else ""
+    decimals = Decimals("." if header.separator == "," else "", "")
     for lines, rows in _rows(text, header, findings):
         cells = dict(zip(header.names, zip(*rows, strict=True), strict=True))
-        mark = mark or _decimal_mark(cells, table)
+        decimals = decimals if decimals.mark else _decimals(cells, table)
         block = {"line": np.array(lines, dtype=np.float64)}
         for column in table.columns:
             found = cells.get(column.key)
@@ -202,7 +209,7 @@ def _blocks(
             elif column.choices:
                 block[column.name] = _words(found, column, lines, findings)
             else:
-                block[column.name] = _numbers(found, column, mark or ".", lines, findings)
+                block[column.name] = _numbers(found, column, decimals, lines, findings)
         blocks.append(block)
         for key, kept in unknown.items():
             kept.extend(cells[key])
@@ -264,14 +271,14 @@ def _tidy(
     return kept_numbers, kept
 
 
-def _decimal_mark(cells: dict[str, tuple[str, ...]], table: Table) -> str:
-    """Return the first decimal mark in columns of numbers, "" where there is none."""
+def _decimals(cells: dict[str, tuple[str, ...]], table: Table) -> Decimals:
+    """Return the first decimal mark in columns of numbers, and the cell that has it."""
     for column in table.columns:
         if not column.choices:
-            found = re.search("[.,]", "".join(cells.get(column.key, ())))
-            if found:
-                return found[0]
-    return ""
+            for cell in cells.get(column.key, ()):
+                if found := re.search("[.,]", cell):
+                    return Decimals(found[0], cell.strip())
+    return Decimals("", "")
 
 
 def _words(cells: tuple[str, ...], column: Column, lines: Sequence[int], findings: Findings) -> NDArray[np.float64]:
@@ -281,7 +288,8 @@ def _words(cells: tuple[str, ...], column: Column, lines: Sequence[int], finding
         code[""] = NO_WORD
     codes = [code.get(cell) for cell in cells]
     if None in codes:
-        codes = [code.get(cell.strip()) for cell in cells]
+        # Spreadsheets write words with a capital.
+        codes = [code.get(cell.strip().lower()) for cell in cells]
         for cell, number, line in zip(cells, codes, lines, strict=True):
             if number is None:
                 findings.add(f"found {shown(cell)}, allowed: {column.allowed}", line=line, column=column.key)
@@ -289,9 +297,10 @@ def _words(cells: tuple[str, ...], column: Column, lines: Sequence[int], finding
 
 
 def _numbers(
-    cells: tuple[str, ...], column: Column, mark: str, lines: Sequence[int], findings: Findings
+    cells: tuple[str, ...], column: Column, decimals: Decimals, lines: Sequence[int], findings: Findings
 ) -> NDArray[np.float64]:
     """Return the cells' numbers, NaN where a cell is empty or is told as a finding."""
+    mark = decimals.mark or "."
     values = _numbers_at_once(cells, mark)
     if values is None:
         values = np.array([_number(cell, mark) for cell in cells])
@@ -299,7 +308,7 @@ def _numbers(
     if column.whole:
         wrong |= values != np.floor(values)
     for row in np.flatnonzero(wrong):
-        problem = _problem(cells[row], values[row], column, mark)
+        problem = _problem(cells[row], values[row], column, Decimals(mark, decimals.seen))
         if problem:
             values[row] = np.nan
             findings.add(problem, line=lines[int(row)], column=column.key)
@@ -329,7 +338,7 @@ def _number(cell: str, mark: str) -> float:
     return float(text.replace(mark, "."))
 
 
-def _problem(cell: str, value: float, column: Column, mark: str) -> str | None:
+def _problem(cell: str, value: float, column: Column, decimals: Decimals) -> str | None:
     """Return what is wrong with a cell whose value is not allowed, None for one that may be empty."""
     text = cell.strip()
     if not text:
@@ -337,10 +346,13 @@ def _problem(cell: str, value: float, column: Column, mark: str) -> str | None:
     problem = f"found {shown(text)}, allowed: {column.allowed}"
     if not np.isnan(value):
         return problem
-    if text.lower().lstrip("+-") in ("nan", "inf", "infinity", "na", "n/a", "none", "null", "-"):
+    if text.lower().lstrip("+-") in ("nan", "inf", "infinity", "na", "n/a", "none", "null", ""):
         return f"{problem}; a missing value is an empty cell, where one may be missing"
     if re.fullmatch(r"[-+0-9.,' eE]+", text):
-        return f"{problem}; decimals of this file are written with '{mark}', and thousands are not separated"
+        seen = f", as in {shown(decimals.seen)}," if decimals.seen else ""
+        return (
+            f"{problem}; decimals of this file are written with '{decimals.mark}'{seen} and thousands are not separated"
+        )
     return problem
 
 

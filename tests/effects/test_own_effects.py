@@ -100,15 +100,22 @@ def test_folders_that_are_not_right_are_told_everything_at_once(tmp_path: Path):
         own_effects(tmp_path / "nowhere")
     copy_of_the_example(tmp_path, "process_damping")
     copy_of_the_example(tmp_path, "Clamp-2")
+    copy_of_the_example(tmp_path, "none")
     (tmp_path / "alone.py").write_text("")
     (tmp_path / "lonely.yaml").write_text("")
+    (tmp_path / "short.py").write_text("")
+    (tmp_path / "short.yml").write_text("")
     (tmp_path / "_helper.py").write_text("raise RuntimeError")
     with pytest.raises(InvalidInput) as told:
         own_effects(tmp_path)
-    assert [problem.removeprefix(f"effects_path: {tmp_path}/") for problem in told.value.problems] == [
+    shown = [problem.removeprefix(f"effects_path: {tmp_path}") for problem in told.value.problems]
+    assert [problem.lstrip("/: ") for problem in shown] == [
         "alone.py: alone.yaml is missing beside it",
+        "short.py: short.yaml is missing beside it; rename short.yml",
         "lonely.yaml: lonely.py is missing beside it",
+        "every .py and .yaml file in it is taken for an effect's; keep all others elsewhere",
         "Clamp-2.py: an effect's name has small letters, digits and _, a letter first",
+        "none.py: none is the answer where nothing is missing; give yours another name",
         "process_damping.py: the program has an effect of this name; give yours another",
     ]
 
@@ -141,7 +148,11 @@ def with_unused(unused: str) -> str:
         ("1 / 0", r"mine.py cannot be loaded: ZeroDivisionError: division by zero"),
         ("raise SystemExit(7)", r"mine.py cannot be loaded: SystemExit: 7"),
         ("def (", r"mine.py cannot be loaded: SyntaxError: "),
-        ("", r"effects: mine.py holds 0 effects, allowed: exactly one"),
+        ("", r"effects: .*mine.py holds 0 effects, allowed: exactly one class derived from Effect"),
+        (
+            EXAMPLE_TEXT.replace('name="loss"', 'name="loss_mm"'),
+            r"mine.py: declared: unit of loss_mm: found 'ln', needed, by its name: mm",
+        ),
         (
             EXAMPLE_TEXT.replace('"cut_modes"', '"cut_mode"'),
             r"mine.py: stage: found 'cut_mode'; did you mean cut_modes\?",

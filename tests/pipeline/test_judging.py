@@ -265,6 +265,27 @@ def test_what_is_no_file_in_the_place_of_an_earlier_one_is_told_before_anything_
     assert {path.name for path in tmp_path.iterdir()} == {"two"}
 
 
+def test_where_a_folder_of_an_answer_finds_no_room_nothing_is_moved(tmp_path, monkeypatch):
+    def write(folder):
+        (folder / "figures").mkdir()
+        paths = [folder / "one", folder / "figures" / "two"]
+        for path in paths:
+            path.write_text("new")
+        return paths
+
+    def full(path, *words, **named):
+        if path == tmp_path / "figures":
+            raise OSError(28, "No space left on device", str(path))
+        return made(path, *words, **named)
+
+    (tmp_path / "one").write_text("old")
+    made = Path.mkdir
+    monkeypatch.setattr(Path, "mkdir", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_whole(write, tmp_path)
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"one": "old"}
+
+
 def test_a_signal_while_files_are_moved_waits_for_the_last(tmp_path, monkeypatch):
     def end(number, frame):
         raise Terminated(number)

@@ -11,6 +11,8 @@ from chatter_core.errors import InvalidInput
 from chatter_core.evidence import findings, read_campaign, read_responses, table
 from chatter_core.evidence.columns import NO_WORD
 from chatter_core.evidence.measured import DIRECTIONS, OUTCOMES, TABLES
+from chatter_core.machine import MACHINE_FILE
+from chatter_core.reading import read_machine
 
 CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
 HZ, RPM = 2.0 * math.pi, 2.0 * math.pi / 60.0
@@ -106,6 +108,37 @@ def test_a_response_across_the_axes_is_used_beside_a_direct_one_alone(folder):
     (problem,) = problems(folder)
     assert problem.startswith(f"{folder}: no measurement yet")
     assert why in problem
+
+
+def test_words_are_read_in_any_case(folder):
+    (folder / "stability.csv").write_text(STABILITY + "1,9000,1,Chatter,500\n2,9000,0.5, STABLE,\n")
+    (folder / "frf.csv").write_text(FRF + "0,100,X,x,0.1,0\n0,200,X,x,0.2,-0.2\n")
+    campaign = read_campaign(folder)
+    assert [OUTCOMES[code] for code in campaign.trials.outcome] == ["chatter", "stable"]
+    assert campaign.receptances[0].is_direct
+
+
+def test_receptances_are_of_the_preload_of_the_machine(folder):
+    own = read_machine(folder / "machine.yaml").spindle.preload
+    lines = [f"0,{frequency},x,x,0.1,0," for frequency in (100, 200)]
+    header = FRF.replace("\n", ",preload_n\n")
+
+    def written(*preloads):
+        (folder / "frf.csv").write_text(header + "\n".join(f"{a}{b}" for a, b in zip(lines, preloads, strict=True)))
+
+    written("", f"{own:g}")
+    assert read_campaign(folder).unknown_columns == ()
+    assert len(read_responses(folder / "frf.csv").receptances) == 1
+    why = f"receptances under another preload are a campaign of their own, with that preload in its {MACHINE_FILE}"
+    written(f"{own:g}", f"{2 * own:g}")
+    found = f"found {own:g} and {2 * own:g}, needed:"
+    column = f"{folder / 'frf.csv'}, column preload_n"
+    assert problems(folder) == [f"{column}: {found} {own:g}, the machine's own; {why}"]
+    with pytest.raises(InvalidInput) as caught:
+        read_responses(folder / "frf.csv")
+    assert caught.value.problems == [f"{column}: {found} one for all; {why}"]
+    written(f"{2 * own:g}", f"{2 * own:g}")
+    assert problems(folder) == [f"{column}: found {2 * own:g}, needed: {own:g}, the machine's own; {why}"]
 
 
 def test_modes_stiffness_and_limits(folder):
@@ -225,6 +258,10 @@ SPEED = "allowed: a number at least 0.1 and at most 1e+06 rpm"
         (PLAIN + "3,9000,1,stabel,\n", f", line 4, column outcome: found 'stabel', {OUTCOME}"),
         (PLAIN + "3,9000,1,,\n", f", line 4, column outcome: found '', {OUTCOME}"),
         (PLAIN + "1,9000,1,stable,\n", ", line 4: same trial as in line 2; keep one of them"),
+        (
+            PLAIN + "3,9000,1,stable,-\n",
+            "column chatter_frequency_hz: found '-', allowed: a number at least 0.1 and at",
+        ),
         (GERMAN + "3;9000;1.5;stable;\n", "column axial_depth_mm: found '1.5', allowed: a number at least 1e-06"),
         (
             GERMAN + "3;9.000,5;1;stable;\n",
@@ -307,7 +344,7 @@ def test_a_decimal_mark_holds_through_blocks(folder, monkeypatch):
     said = told(folder, GERMAN.replace("6000;0,5", "6000;0.5"))
     assert len(said) == 1
     assert "line 3, column axial_depth_mm: found '0.5'" in said[0]
-    assert "decimals of this file are written with ','" in said[0]
+    assert "decimals of this file are written with ',', as in '6000,5', and thousands are not separated" in said[0]
 
 
 def test_a_slot_is_cut_at_full_immersion(folder):
@@ -394,6 +431,21 @@ def test_a_file_has_a_largest_size(folder, monkeypatch):
             "stability.csv",
             PLAIN + "3,9000,1,stable,400\n",
             "1 stable trials name a chatter frequency, line 4 the first; it is not used",
+        ),
+        (
+            "stability.csv",
+            STABILITY + "1,7.5,1.25,chatter,\n2,8.1,0.5,stable,\n",
+            "spindle_speed_rpm is 8.1 at most; is its unit right, and are thousands not separated?",
+        ),
+        (
+            "stability.csv",
+            STABILITY + "1,9000,0.00125,chatter,\n2,9000,0.0005,stable,\n",
+            "axial_depth_mm is 0.00125 at most; is its unit right, and are thousands not separated?",
+        ),
+        (
+            "stability.csv",
+            PLAIN + "3,9000,1,chatter,0.51\n4,9000,1,chatter,510\n",
+            "chatter frequencies below a tenth of the spindle's revolutions: 1, the first in line 4; is their unit",
         ),
         ("trials.csv", PLAIN, "is not read"),
         ("modes.csv", "spindle_speed_rpm,mode,natural_frequency_hz\n", "holds a header and no rows"),
