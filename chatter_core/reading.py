@@ -83,7 +83,8 @@ def load_yaml(path: Path) -> dict[str, Any]:
     """
     try:
         if path.exists() and not path.is_file():
-            raise InvalidInput([f"{path}: is no file"])
+            inside = sorted(path.glob("*.yaml"))[:1]
+            raise InvalidInput([f"{path}: is no file{''.join(f'; did you mean {one}?' for one in inside)}"])
         if path.stat().st_size > LARGEST_FILE:
             raise InvalidInput([f"{path}: larger than {LARGEST_FILE} bytes, which no description needs"])
         content = yaml.load(path.read_text(encoding="utf-8-sig"), _PlainLoader)

@@ -124,3 +124,9 @@ def test_a_missing_file_suggests_a_near_one(tmp_path):
     (tmp_path / "machine.yaml").write_text("{}")
     with pytest.raises(InvalidInput, match=r"no such file; did you mean .*machine\.yaml"):
         read_machine(tmp_path / "machin.yaml")
+
+
+def test_a_folder_in_the_place_of_a_file_is_told_with_the_file_in_it(tmp_path):
+    (tmp_path / "model.yaml").write_text("")
+    with pytest.raises(InvalidInput, match=rf"^{tmp_path}: is no file; did you mean {tmp_path}/model.yaml\?$"):
+        read_machine(tmp_path)
