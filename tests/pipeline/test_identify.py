@@ -15,7 +15,7 @@ from chatter_core.evidence.measured import RECEPTANCE
 from pipeline.__main__ import main
 
 MODES = {"x": ((700.0, 0.02, 3e7), (1900.0, 0.04, 8e6)), "y": ((720.0, 0.02, 3e7), (1850.0, 0.04, 9e6))}
-HEAD = [column.key for column in RECEPTANCE.columns]
+HEAD = [column.key for column in RECEPTANCE.columns if not column.optional]
 CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
 
 
