@@ -300,8 +300,8 @@ def _other_preloads(path: Path, rows: Rows, machine: Machine | None = None) -> l
     stated = np.unique(rows.columns["preload"][~np.isnan(rows.columns["preload"])])
     findings = Findings(path)
     own = None if machine is None or machine.spindle is None else machine.spindle.preload
-    other = stated if own is None else stated[~np.isclose(stated, own, rtol=1e-6)]
-    if len(stated) > 1 or (own is not None and len(other)):
+    others = len(stated) > 1 if own is None else not np.isclose(stated, own, rtol=1e-6).all()
+    if others:
         needed = "one for all" if own is None else f"{own:g}, the machine's own"
         findings.add(
             f"found {' and '.join(f'{one:g}' for one in stated)}, needed: {needed}; receptances under another preload "
@@ -419,7 +419,7 @@ def _odd_trials(trials: Rows) -> list[str]:
         (speed / si_factor("spindle_speed_rpm"), LEAST_USUAL_RPM, "spindle_speed_rpm"),
         (depth / si_factor("axial_depth_mm"), LEAST_USUAL_MM, "axial_depth_mm"),
     ):
-        if len(values) and values.max() < least:
+        if values.max() < least:
             remarks.append(
                 f"{STABILITY.file}: {what} is {values.max():.4g} at most; is its unit right, and are thousands not "
                 "separated?"

@@ -104,8 +104,13 @@ def to_lines(measured: Array, predicted: Array, spacing: Array) -> Array:
 
     See docs/physics.md#likelihoods.
     """
-    distance = [(measured - sign * predicted + 0.5 * spacing) % spacing - 0.5 * spacing for sign in (1, -1)]
+    distance = [_to_nearest(measured - sign * predicted, spacing) for sign in (1, -1)]
     return np.stack([np.where(np.isnan(predicted), 0.5 * spacing, one) for one in distance], axis=-1)
+
+
+def _to_nearest(distance: Array, spacing: Array) -> Array:
+    """Return a distance to one of evenly spaced lines as that to the nearest."""
+    return np.asarray((distance + 0.5 * spacing) % spacing - 0.5 * spacing)
 
 
 def frequency_residual(measured: Array, predicted: Array, spacing: Array) -> Array:
@@ -170,8 +175,7 @@ def chance_beyond(far: Array, residual: Array, share: Array, scale: Array, spaci
     See docs/physics.md#comparison.
     """
     shift = spacing[:, None] * (np.arange(MOVED) + 0.5) / MOVED
-    apart = spacing[:, None, None, None]
-    moved = (residual[:, None] + shift[:, :, None, None] + 0.5 * apart) % apart - 0.5 * apart
+    moved = _to_nearest(residual[:, None] + shift[:, :, None, None], spacing[:, None, None, None])
     each = [np.repeat(one, MOVED, axis=0) for one in (share, scale, spacing)]
     heard, nearby, _ = heard_motion(moved.reshape(-1, *residual.shape[1:]), *each)
     density = (1.0 - FREQUENCY_ELSEWHERE) * nearby + FREQUENCY_ELSEWHERE / each[-1]
