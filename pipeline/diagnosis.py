@@ -27,6 +27,7 @@ from chatter_core.evidence.verdict import (
     failed_checks,
     is_sure,
     leading_pair,
+    led,
     not_ruled_out,
 )
 from chatter_core.stages import ARROWS
@@ -55,15 +56,15 @@ FEWEST_CUTS, FEWEST_LINES = 8, 8
 class Diagnosis(ShownAsCard):
     """Everything that a diagnosis found.
 
-    base: the model as it was, calibrated; ranking: nothing missing and single effects; pairs: the best first, none
-    where none was tried; beside: the first, which suffices, with every effect that promised anything beside it, None
-    where that was not asked; powers: of every candidate; judged: the base model, those that are not ruled out and the
-    best pair held against the campaign, by name, and left: what each of them fails in that counts; not_tried: effects
-    that cannot act on the machine, and why; held_out: scores on cuts held out, by name; next_trial: the cut that would
-    part the contenders; next_measurements: that one and others, what is most worth its cost first; intervals: of the
-    parameters of effects that are named, profiled; before_and_after: the base model and the best one with their lobes,
-    for pictures, None where nothing is missing; corrections: without a formula, where the verdict is ``unexplained``.
-    All after the verdict is found by ``pipeline.after_verdict``.
+    base: the model as it was, calibrated; ranking: nothing missing and single effects; pairs: the one first that leads,
+    none where none was tried; beside: the first, which suffices, with every effect that promised anything beside it,
+    None where that was not asked; powers: of every candidate; judged: the base model, those that are not ruled out and
+    the close pairs held against the campaign, by name, and left: what each of them fails in that counts; not_tried:
+    effects that cannot act on the machine, and why; held_out: scores on cuts held out, by name; next_trial: the cut
+    that would part the contenders; next_measurements: that one and others, what is most worth its cost first;
+    intervals: of the parameters of effects that are named, profiled; before_and_after: the base model and the best one
+    with their lobes, for pictures, None where nothing is missing; corrections: without a formula, where the verdict is
+    ``unexplained``. All after the verdict is found by ``pipeline.after_verdict``.
     """
 
     content: Content
@@ -92,12 +93,12 @@ class Diagnosis(ShownAsCard):
 
     @property
     def pair(self) -> Ranked | None:
-        """The best pair, None where none was tried."""
+        """The pair that leads, named or not; None where none was tried."""
         return self.pairs[0] if self.pairs else None
 
     @property
     def leading_pair(self) -> Ranked | None:
-        """The best pair where it gains enough over what is simpler, else None."""
+        """The pair that leads where it gains enough over what is simpler, else None."""
         return leading_pair(self.ranking, self.pairs, self.left)
 
     @property
@@ -259,8 +260,8 @@ def diagnose(
         (fit,) = spread(workers, [Job(name="base model", call=partial(calibrate, comparison, start=start))])
     base = Hypothesis(candidates=(), comparison=comparison, fit=fit)
     found = singles(workers, base, candidates) if pairs is None else taken_over(workers, base, candidates, pairs)
-    judge = _Judge()
-    diagnosis = _decided(workers, found, candidates, content, judge)
+    judge = _Judge(workers, candidates, content)
+    diagnosis = judge.decided(found)
     if diagnosis.supported is diagnosis.base:
         return diagnosis
     known: dict[str, Limits] = {}
@@ -268,13 +269,13 @@ def diagnose(
         first = found.ranking[0].best
         found = arrived(workers, found)
         tried = diagnosis.pairs if found.ranking[0].best is first else []
-        diagnosis = _decided(workers, found, candidates, content, judge, tried, seconds=seconds)
+        diagnosis = judge.decided(found, tried, seconds=seconds)
         # Another variant may have come first meanwhile, of whose parameters there are none.
         now = found.ranking[0].best
         same = [*map(str, now.candidates)] == [*map(str, first.candidates)] and diagnosis.supported is now
         known = found.intervals if same else {}
     diagnosis = replace(diagnosis, intervals=known)
-    return with_arrived_pair(workers, diagnosis, partial(_decided, workers, found, candidates, content, judge))
+    return with_arrived_pair(workers, diagnosis, partial(judge.decided, found))
 
 
 def with_arrived_pair(
@@ -296,9 +297,10 @@ def with_arrived_pair(
 
 
 class _Judge:
-    """Holds hypotheses against the campaign, each once."""
+    """Decides what is missing, by hypotheses that it holds against the campaign, each once."""
 
-    def __init__(self) -> None:
+    def __init__(self, workers: Workers | None, candidates: Sequence[Candidate], content: Content) -> None:
+        self._workers, self._candidates, self._content = workers, candidates, content
         self._known: dict[int, tuple[Hypothesis, Version, list[Failure]]] = {}
         self._powers: tuple[Hypothesis, list[Power]] | None = None
 
@@ -309,62 +311,53 @@ class _Judge:
             self._known[id(one)] = one, version, what_is_left(one, version)
         return self._known[id(one)]
 
-    def versions(self, told_of: Sequence[Hypothesis]) -> dict[str, Version]:
+    def _versions(self, told_of: Sequence[Hypothesis]) -> dict[str, Version]:
         """Return hypotheses as they are held against the campaign, by name."""
         return {name_of(one): self._of(one)[1] for one in told_of}
 
-    def left(self, told_of: Sequence[Hypothesis]) -> dict[str, list[Failure]]:
+    def _left(self, told_of: Sequence[Hypothesis]) -> dict[str, list[Failure]]:
         """Return what is left of hypotheses that counts, by name."""
         return {name_of(one): self._of(one)[2] for one in told_of}
 
-    def powers(self, workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate]) -> list[Power]:
+    def _power(self, base: Hypothesis) -> list[Power]:
         """Return what the campaign could have shown of every candidate."""
         if self._powers is None or self._powers[0] is not base:
-            self._powers = base, _powers(workers, base, candidates)
+            self._powers = base, _powers(self._workers, base, self._candidates)
         return self._powers[1]
 
+    def decided(self, found: Singles, tried: Sequence[Ranked] = (), *, seconds: bool = False) -> Diagnosis:
+        """Return what the base model and single effects say, and pairs: where one does not suffice, or if asked for.
 
-def _decided(
-    workers: Workers | None,
-    found: Singles,
-    candidates: Sequence[Candidate],
-    content: Content,
-    judge: _Judge,
-    tried: Sequence[Ranked] = (),
-    *,
-    seconds: bool = False,
-) -> Diagnosis:
-    """Return what the base model and the single effects say, and pairs: where one does not suffice, or if asked for.
-
-    tried: the pairs, where they are known.
-    """
-    first, pairs = found.ranking[0], list(tried)
-    fails = bool(failed_checks(judge.left([first.best])[first.name]))
-    beside: list[Hypothesis] | None = None
-    if not pairs and (fails or (seconds and is_sure(found.ranking))):
-        pairs, fitted = pairs_of(workers, found.base, candidates, found.ranking, suffices=not fails)
-        beside = None if fails else fitted
-    if pairs:
-        left = judge.left([first.best, *(one.best for one in close_pairs(pairs))])
-        if (pair := leading_pair(found.ranking, pairs, left)) is not None:
-            found = with_halves_refitted(workers, found, pair)
-    base, ranking = found.base, found.ranking
-    if ranking[0].name != first.name:
-        beside = None
-    told_of = [base, *(one.best for one in [*not_ruled_out(ranking), *close_pairs(pairs)] if one.best is not base)]
-    left, powers = judge.left(told_of), judge.powers(workers, base, candidates)
-    return Diagnosis(
-        content=content,
-        base=base,
-        ranking=ranking,
-        pairs=pairs,
-        beside=beside,
-        powers=powers,
-        judged=judge.versions(told_of),
-        left=left,
-        not_tried=not_tried(base.comparison.model, content),
-        verdict=decide(ranking, pairs, powers, left),
-    )
+        tried: the pairs, where they are known.
+        """
+        first, pairs = found.ranking[0], list(tried)
+        fails = bool(failed_checks(self._left([first.best])[first.name]))
+        beside: list[Hypothesis] | None = None
+        if not pairs and (fails or (seconds and is_sure(found.ranking))):
+            pairs, fitted = pairs_of(self._workers, found.base, self._candidates, found.ranking, suffices=not fails)
+            beside = None if fails else fitted
+        if pairs:
+            left = self._left([first.best, *(one.best for one in close_pairs(pairs))])
+            pairs = led(pairs, left)
+            if (pair := leading_pair(found.ranking, pairs, left)) is not None:
+                found = with_halves_refitted(self._workers, found, pair)
+        base, ranking = found.base, found.ranking
+        if ranking[0].name != first.name:
+            beside = None
+        told_of = [base, *(one.best for one in [*not_ruled_out(ranking), *close_pairs(pairs)] if one.best is not base)]
+        left, powers = self._left(told_of), self._power(base)
+        return Diagnosis(
+            content=self._content,
+            base=base,
+            ranking=ranking,
+            pairs=pairs,
+            beside=beside,
+            powers=powers,
+            judged=self._versions(told_of),
+            left=left,
+            not_tried=not_tried(base.comparison.model, self._content),
+            verdict=decide(ranking, pairs, powers, left),
+        )
 
 
 def _judged(hypothesis: Hypothesis) -> Version:

@@ -5,8 +5,9 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from chatter_core.errors import InvalidInput
-from chatter_core.evidence.campaign import is_read, planned_trials, unused_preloads
+from chatter_core.evidence.campaign import is_read, planned_trials
 from chatter_core.evidence.measured import DIRECTIONS, PLANNED, Trials
+from chatter_core.evidence.oddities import unused_preloads
 from chatter_core.evidence.planned import PlannedCuts, planned_campaign, predict_planned
 from chatter_core.reading import printable
 from chatter_core.units import si_factor

@@ -34,6 +34,7 @@ from chatter_core.evidence.measured import (
     Responses,
     Trials,
 )
+from chatter_core.evidence.oddities import odd_receptance, oddities
 from chatter_core.evidence.table import Rows, read_table
 from chatter_core.evidence.uff import UFF_ENDINGS, read_uff
 from chatter_core.machine import MACHINE_FILE, Machine
@@ -41,16 +42,8 @@ from chatter_core.parameters import Array
 from chatter_core.reading import near_path, printable, read_machine
 from chatter_core.units import si_factor
 
-#: Receptances of tool tips that are met [m/N], by the median over frequency.
-USUAL_RECEPTANCE = (1e-9, 1e-4)
 #: No motion is as small [m/N]: an atom's size at a meganewton is 1e-16.
 LEAST_RECEPTANCE = 1e-30
-#: No campaign is cut so slowly, or so little deep, throughout [rpm, mm].
-LEAST_USUAL_RPM, LEAST_USUAL_MM = 60.0, 0.01
-#: Chatter is no slower than this share of the revolutions.
-LEAST_REVOLUTIONS = 0.1
-#: Share of the imaginary part in a response's peak beyond which its sign is that of a resonance.
-CLEAR_SIGN = 0.5
 #: Receptances and remarks that a campaign shows of itself.
 SHOWN = 3
 #: Endings of files that are probably meant to be read.
@@ -159,7 +152,7 @@ def read_campaign(folder: str | Path) -> Campaign:
         natural_frequencies=_natural_frequencies(rows[MODES.file]) if MODES.file in rows else None,
         stiffness=_stiffness(rows[BEARING.file]) if BEARING.file in rows else None,
         limits=_limits(rows[LIMITS.file]) if LIMITS.file in rows else None,
-        remarks=(*unread, *remarks, *_oddities(rows, receptances, machine)),
+        remarks=(*unread, *remarks, *oddities(rows, receptances, machine)),
         unknown_columns=tuple(name for file, found in rows.items() for name in _unknown_columns(found, file)),
     )
 
@@ -184,7 +177,7 @@ def read_responses(path: Path) -> Responses:
     problems = [*_measured_twice(path.parent, found.receptances), *_without_motion(path.parent, found.receptances)]
     if problems:
         raise InvalidInput(problems)
-    odd = [remark for receptance in found.receptances for remark in _odd_receptance(receptance)]
+    odd = [remark for receptance in found.receptances for remark in odd_receptance(receptance)]
     return replace(found, remarks=(*found.remarks, *odd))
 
 
@@ -392,68 +385,3 @@ def _stiffness(rows: Rows) -> BearingStiffness:
 
 def _limits(rows: Rows) -> Limits:
     return Limits(**{field.name: rows.columns[field.name] for field in fields(Limits)})
-
-
-def _oddities(rows: dict[str, Rows], receptances: list[Receptance], machine: Machine) -> list[str]:
-    """Return what can be read and is yet hardly meant."""
-    remarks = [remark for receptance in receptances for remark in _odd_receptance(receptance)]
-    trials = rows.get(STABILITY.file)
-    if trials is not None:
-        stable = trials.codes("outcome") == OUTCOMES.index("stable")
-        noted = trials.line[stable & ~np.isnan(trials.columns["chatter_frequency"])]
-        if len(noted):
-            remarks.append(
-                f"{STABILITY.file}: {len(noted)} stable trials name a chatter frequency, line {noted[0]} the first; "
-                "it is not used"
-            )
-        remarks += unused_preloads(STABILITY.file, trials.columns["preload"], machine)
-        remarks += _odd_trials(trials)
-    return remarks
-
-
-def _odd_trials(trials: Rows) -> list[str]:
-    """Return what speaks for another unit in trial cuts, or for thousands that are separated."""
-    speed, depth, frequency = (trials.columns[name] for name in ("spindle_speed", "axial_depth", "chatter_frequency"))
-    remarks = []
-    for values, least, what in (
-        (speed / si_factor("spindle_speed_rpm"), LEAST_USUAL_RPM, "spindle_speed_rpm"),
-        (depth / si_factor("axial_depth_mm"), LEAST_USUAL_MM, "axial_depth_mm"),
-    ):
-        if values.max() < least:
-            remarks.append(
-                f"{STABILITY.file}: {what} is {values.max():.4g} at most; is its unit right, and are thousands not "
-                "separated?"
-            )
-    slow = np.flatnonzero(frequency < LEAST_REVOLUTIONS * speed)
-    if len(slow):
-        remarks.append(
-            f"{STABILITY.file}: chatter frequencies below a tenth of the spindle's revolutions: {len(slow)}, the first "
-            f"in line {trials.line[slow].min()}; is their unit right?"
-        )
-    return remarks
-
-
-def unused_preloads(file: str, preload: Array, machine: Machine) -> list[str]:
-    """Return what is to be told of preloads [N] that cuts of a file state (trial,), where the machine knows none."""
-    if machine.spindle is not None or np.isnan(preload).all():
-        return []
-    return [f"{file}: preload_n is not used, the machine's measured tip modes know no preload"]
-
-
-def _odd_receptance(receptance: Receptance) -> list[str]:
-    """Return what speaks for another unit or another sign convention in a response."""
-    remarks = []
-    least, most = USUAL_RECEPTANCE
-    usual = float(np.median(np.abs(receptance.value)))
-    if not least <= usual <= most:
-        remarks.append(
-            f"{receptance.source}: receptance {receptance} has a median of {usual * 1e6:.3g} um/N, usual are "
-            f"{least * 1e6:g} to {most * 1e6:g}; is its unit right?"
-        )
-    peak = receptance.value[np.argmax(np.abs(receptance.value))]
-    if receptance.is_direct and peak.imag > CLEAR_SIGN * abs(peak):
-        remarks.append(
-            f"{receptance.source}: receptance {receptance} has a positive imaginary part at its peak; it is negative "
-            "with exp(+i w t), so force or displacement is probably turned round, or the convention is another"
-        )
-    return remarks

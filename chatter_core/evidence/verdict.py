@@ -75,7 +75,7 @@ def is_sure(ranking: Sequence[Ranked]) -> bool:
 def leading_pair(
     ranking: Sequence[Ranked], pairs: Sequence[Ranked], left: Mapping[str, Sequence[Failure]]
 ) -> Ranked | None:
-    """Return the best pair where it gains enough over what is simpler, else None; pairs: the best first.
+    """Return the first of pairs where it gains enough over what is simpler, else None; pairs: as ``led`` has them.
 
     Where the first suffices, a second effect has to be seen beside it, and not only one of several. Where the first
     stands out, none that leaves checks failed takes it back, unless it stands out itself.
@@ -84,14 +84,14 @@ def leading_pair(
     """
     if not pairs:
         return None
-    best = pairs[0]
-    simpler = [ranking[0], *(one for one in ranking if one.name in best.best.names)]
-    if best.gain <= max(one.gain for one in simpler) + PAIR_GAIN:
+    first = pairs[0]
+    simpler = [ranking[0], *(one for one in ranking if one.name in first.best.names)]
+    if first.gain <= max(one.gain for one in simpler) + PAIR_GAIN:
         return None
     if failed_checks(left[ranking[0].name]):
-        return None if _takes_back(best, ranking, pairs, left) else best
-    is_second = ranking[0].name in best.best.names and len(_tied(pairs, left)) == 1
-    return best if is_second and not failed_checks(left[best.name]) else None
+        return None if _takes_back(first, ranking, pairs, left) else first
+    is_second = ranking[0].name in first.best.names and len(_tied(pairs, left)) == 1
+    return first if is_second and not failed_checks(left[first.name]) else None
 
 
 def decide(
@@ -102,8 +102,8 @@ def decide(
 ) -> Verdict:
     """Return the verdict.
 
-    ranking: nothing missing and single effects, the most probable first; pairs: those that were tried, the best
-    first; powers: of all candidates; left: where nothing missing, those that are not ruled out and the pairs that come
+    ranking: nothing missing and single effects, the most probable first; pairs: those that were tried, as ``led`` has
+    them; powers: of all candidates; left: where nothing missing, those that are not ruled out and the pairs that come
     close to the best still fail, by name.
 
     See docs/physics.md#diagnosis.
@@ -175,17 +175,30 @@ def _unexplained(best: Ranked, checks: Sequence[Failure]) -> Verdict:
 
 
 def close_pairs(pairs: Sequence[Ranked]) -> list[Ranked]:
-    """Return the best pair and those that gain about as much, which may be tied with it; pairs: the best first.
+    """Return the pairs that gain about as much as the best of them, itself among them; any of them may lead.
 
     See docs/physics.md#diagnosis.
     """
-    return [one for one in pairs if one.gain > pairs[0].gain - PAIR_LEAD]
+    most = max((one.gain for one in pairs), default=0.0)
+    return [one for one in pairs if one.gain > most - PAIR_LEAD]
+
+
+def led(pairs: Sequence[Ranked], left: Mapping[str, Sequence[Failure]]) -> list[Ranked]:
+    """Return pairs with the one first that leads: of those that gain about as much, one that leaves no check failed.
+
+    pairs: the best first, which leads where none of the close ones passes; left: what those still fail, by name.
+
+    See docs/physics.md#diagnosis.
+    """
+    passing = [one for one in close_pairs(pairs) if not failed_checks(left[one.name])]
+    return sorted(pairs, key=lambda one: one is not passing[0]) if passing else list(pairs)
 
 
 def _tied(pairs: Sequence[Ranked], left: Mapping[str, Sequence[Failure]]) -> list[Ranked]:
-    """Return the best pair and those that neither gains nor checks part from it."""
-    best, *others = close_pairs(pairs)
-    return [best, *(one for one in others if failed_checks(left[best.name]) or not failed_checks(left[one.name]))]
+    """Return the leading pair and those that neither gains nor checks part from it."""
+    first = pairs[0]
+    others = [one for one in close_pairs(pairs) if one is not first]
+    return [first, *(one for one in others if failed_checks(left[first.name]) or not failed_checks(left[one.name]))]
 
 
 def _two(pairs: Sequence[Ranked], left: Mapping[str, Sequence[Failure]]) -> Verdict:

@@ -11,7 +11,7 @@ from chatter_core.effects import effect_names
 from chatter_core.evidence.failures import Failure
 from chatter_core.evidence.power import ENOUGH, USUAL
 from chatter_core.evidence.ranking import NOTHING, NOTHING_MISSING, TEMPER, Ranked, rank
-from chatter_core.evidence.verdict import NAMED, PAIR_GAIN, decide, leading_pair
+from chatter_core.evidence.verdict import NAMED, PAIR_GAIN, decide, leading_pair, led
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,8 @@ NOTHING_LEFT: dict[str, list[Failure]] = {
 
 
 def decided(ranking, *pairs, powers=POWERFUL, **left):
-    return decide(ranking, pairs, powers, {**NOTHING_LEFT, **left})
+    everything = {**NOTHING_LEFT, **left}
+    return decide(ranking, led(pairs, everything), powers, everything)
 
 
 def test_nothing_is_missing_where_it_would_have_been_seen():
@@ -152,6 +153,17 @@ def test_a_pair_that_leaves_checks_failed_is_not_tied_with_one_that_leaves_none(
         found = decided(ranking, *pairs, **left)
         assert (found.kind, found.missing) == ("effect", ("a", "b"))
     assert decided(ranking, *pairs, a=failed).kind == "ambiguous"
+
+
+def test_of_pairs_that_gain_alike_one_that_leaves_no_check_failed_leads():
+    ranking, failed = [ranked("a", 0.99, 20.0), ranked(NOTHING, 0.01, 0.0)], [failure(0.001)]
+    pairs = [ranked("a + b", 1.0, 40.0), ranked("a + c", 1.0, 39.0), ranked("b + c", 1.0, 30.0)]
+    left = {"a": failed, "a + b": failed}
+    found = decided(ranking, *pairs, **left)
+    assert (found.kind, found.missing) == ("effect", ("a", "c"))
+    assert "39 nats" in found.text
+    # One that gains far less does not lead, whatever it leaves.
+    assert decided(ranking, *pairs, **left, **{"a + c": failed}).kind == "unexplained"
 
 
 def test_what_stands_out_is_named_although_it_leaves_something_open():
