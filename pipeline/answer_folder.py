@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 
 from chatter_core.errors import InvalidInput
 from pipeline.errors import told_where
+from pipeline.locking import make_folder
 from pipeline.places import STORES
 from pipeline.places.address import POINTER
 from pipeline.places.folder import UNPACKED
@@ -96,6 +97,8 @@ def write_whole(write: Callable[[Path], list[Path]], output: Path, earlier: Iter
     write: puts them into the folder it is given and returns their paths; earlier: names of files of an earlier answer,
     which go where they are not written anew. Raises InvalidInput where one has no room.
     """
+    # Who cleared away the empty folder during the run has not meant its answer.
+    make_folder(output)
     # What a run that was killed had begun; nobody else writes here now.
     for left in output.glob(f"{BESIDE}*"):
         if left.is_dir() and not left.is_symlink():

@@ -265,6 +265,14 @@ def test_what_is_no_file_in_the_place_of_an_earlier_one_is_told_before_anything_
     assert {path.name for path in tmp_path.iterdir()} == {"two"}
 
 
+def test_a_folder_that_was_removed_during_the_run_is_made_again(tmp_path):
+    def write(folder):
+        (folder / "one").write_text("new")
+        return [folder / "one"]
+
+    assert [path.read_text() for path in write_whole(write, tmp_path / "gone" / "too")] == ["new"]
+
+
 def test_where_a_folder_of_an_answer_finds_no_room_nothing_is_moved(tmp_path, monkeypatch):
     def write(folder):
         (folder / "figures").mkdir()
