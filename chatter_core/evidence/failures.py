@@ -204,12 +204,11 @@ def _frequencies(trials: Trials, compared: Compared, judged: NDArray[np.bool_]) 
     scale = likelihood.frequency_scale(measured, compared.prediction.margin[which])
     apart = np.abs(likelihood.heard_motion(residual, share, scale, tooth_passing)[0])
     far = scipy.stats.t.ppf(1.0 - 0.5 * IMPROBABLE, likelihood.FREQUENCY_FREEDOM) * scale
-    elsewhere = likelihood.FREQUENCY_ELSEWHERE * np.clip(1.0 - 2.0 * far / tooth_passing, 0.0, 1.0)
     yield _Data(
         quantity="chatter_frequency",
         which=which,
         failed=apart > far,
-        probability=(1.0 - likelihood.FREQUENCY_ELSEWHERE) * IMPROBABLE + elsewhere,
+        probability=likelihood.chance_beyond(far, residual, share, scale, tooth_passing),
         what="chatter frequencies",
         done=f"are off by more than noise ({np.median(far) / si_factor('frequency_hz'):.0f} Hz or so)",
     )

@@ -1,6 +1,7 @@
 """Where a model fails: silence for a right model, and words with the right place for a wrong one."""
 
 import math
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from chatter_core.evidence import Comparison, base_model
+from chatter_core.evidence import Comparison, base_model, likelihood
 from chatter_core.evidence.bands import CHANCE
 from chatter_core.evidence.failures import failures
 from chatter_core.evidence.fit import fit
@@ -75,7 +76,8 @@ def test_chatter_frequencies_that_drift_are_told_by_the_order_of_trials():
     texts = [f.text for f in found if f.quantity == "chatter_frequency" and "trial" in f.band]
     assert len(texts) == 1
     (band,) = [f.band["trial"] for f in found if f.quantity == "chatter_frequency" and "trial" in f.band]
-    assert 65 <= band[0] <= 80
+    # One that fails by chance a few heard ones before, three cuts apart, may be taken along.
+    assert 60 <= band[0] <= 80
     assert band[1] >= 110
 
 
@@ -381,3 +383,32 @@ def test_modes_are_told_one_by_one():
     assert any("where mode 3 chatters" in f.text for f in found)
     with pytest.raises(StopIteration):
         next(f for f in found if f.band.get("dominant_mode") == 1)
+
+
+def test_frequencies_fail_by_chance_as_often_as_frequencies_that_are_drawn_by_their_law():
+    """At slow speeds both lines of a motion leave little room beyond them, which a rule for one line overstates."""
+    rng, count = np.random.default_rng(8), 60
+    speed, depth = rng.choice(np.linspace(1900.0, 2300.0, 12), count) * RPM, rng.uniform(3.3e-3, 4.2e-3, count)
+    plan = campaign(tip_machine(), trials=trials(speed, depth))
+    nulls = base_model(plan).nulls
+    beyond = np.concatenate([beyond_noise(measured(plan, nulls, rng), nulls) for _ in range(SETS)])
+    made = measured(plan, nulls, rng)
+    aside = made.trials.chatter_frequency + 0.5 * speed * plan.machine.tool.teeth
+    found = told(replace(made, trials=replace(made.trials, chatter_frequency=aside)))
+    text = next(f.text for f in found if f.quantity == "chatter_frequency" and "spindle_speed_rpm" in f.band)
+    seen, expected = (float(re.search(what, text)[1]) for what in (r"Of (\d+) chatter", r"noise explains ([\d.]+)"))
+    # Four deviations of the share that is drawn, and the rounding of what is told.
+    allowed = 4.0 * math.sqrt(beyond.mean() / len(beyond)) + 0.05 / seen
+    assert expected / seen == pytest.approx(beyond.mean(), abs=allowed)
+
+
+def beyond_noise(made, values):
+    """Return which of the chatter frequencies that were heard lie farther off than one in twenty of Student's law."""
+    compared = Comparison(model=base_model(made)).compare(values)
+    heard = np.isfinite(made.trials.chatter_frequency)
+    measured_at = made.trials.chatter_frequency[heard]
+    frequency, share, spacing = compared.prediction.motions(heard)
+    residual = likelihood.to_lines(measured_at[:, None], frequency, spacing[:, None])
+    scale = likelihood.frequency_scale(measured_at, compared.prediction.margin[heard])
+    apart = np.abs(likelihood.heard_motion(residual, share, scale, spacing)[0])
+    return apart > stats.t.ppf(0.975, likelihood.FREQUENCY_FREEDOM) * scale
