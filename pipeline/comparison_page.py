@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 CAPTIONS = {
     "residuals": "Above: where the calibrated model puts each cut, as distance from the boundary; below: how far "
-    "measured chatter frequencies lie from the strongest line of the predicted motion, tooth passings aside.",
+    "measured chatter frequencies lie from the nearest line of the critical motion.",
     "pulls": "Parameters of the calibration in widths of what is plausible before measuring. Beyond three the fit "
     "bends a parameter to stand in for something that the model lacks.",
 }

@@ -37,7 +37,7 @@ ERRORS = {
     "outcome": ("1", "share of cuts told wrongly, mean of stable cuts and of those with chatter"),
     "log_loss": ("nat", "mean of -ln(probability) of the labels"),
     "depth_margin": ("ln", "mean distance in ln(depth) of cuts from the side of the boundary that they belong to"),
-    "chatter_frequency": ("Hz", "median distance to the strongest line of the predicted motion, tooth passings aside"),
+    "chatter_frequency": ("Hz", "median distance to the nearest line of the critical motion"),
     "limit_depth": ("ln", "root mean square of ln(measured / predicted limit depth)"),
     "receptance": ("1", "norm of measured minus predicted over norm of measured, root mean square of the responses"),
     "natural_frequency": ("ln", "root mean square of ln(measured / predicted)"),
