@@ -24,9 +24,13 @@ SMALLEST_GAIN = 0.005
 ROUGHNESS = 1.0
 #: Differences are taken over this share of a parameter's standard deviation, and of its prior's width at most.
 DIFFERENCE_SHARE, LARGEST_DIFFERENCE = 0.1, 0.02
-#: A coordinate that changes by more over such a difference has jumped: it may by a tenth or so.
-#: Differences that jump are shortened so many times.
+#: A coordinate that changes by more over such a difference is steep or has jumped, and the difference is shortened, so
+#: many times.
 JUMP, SHORTER_DIFFERENCES = 0.5, 3
+#: Over a tenth of the deviation that all data leave none changes by more than a tenth. What does has jumped as well
+#: where over a tenth of the difference this share of the change is left: a jump that passed for a slope would shorten
+#: the next difference, and that the one after, without end.
+SUSPECT, STAYING = DIFFERENCE_SHARE, 0.75
 #: Damping at the start, its factors after a failed step (twice that after each further one, as Nielsen has it) and
 #: after a good one, and where a direction is given up.
 DAMPING, DAMPING_UP, DAMPING_DOWN, DAMPING_MOST, DAMPING_LEAST = 1e-3, 4.0, 0.2, 1e6, 1e-6
@@ -275,34 +279,51 @@ class Climb:
         """
         gradient = np.zeros(len(values))
         jacobian = np.zeros((len(evaluation.coordinates), len(values)))
+        jumping = np.zeros(len(evaluation.coordinates), dtype=bool)
         for index in np.flatnonzero(self.free if which is None else which):
             size = min(DIFFERENCE_SHARE * deviation[index], LARGEST_DIFFERENCE * self.width[index])
-            jacobian[:, index], gradient[index] = self._differences(values, evaluation, int(index), size)
+            jacobian[:, index], gradient[index], jumping = self._differences(
+                values, evaluation, int(index), size, jumping
+            )
         return jacobian, gradient
 
-    def _differences(self, values: Array, here: Evaluation, index: int, size: float) -> tuple[Array, float]:
+    def _differences(
+        self, values: Array, here: Evaluation, index: int, size: float, known: NDArray[np.bool_]
+    ) -> tuple[Array, float, NDArray[np.bool_]]:
         """Return the derivatives of the coordinates (coordinate,) and of the log-likelihood by one parameter.
 
-        Where a datum jumps, the difference is taken anew over a tenth: what is merely steep then is smooth. What
-        still jumps, as where another branch of multipliers takes over, has no slope and is left out.
+        With them which coordinates jump; known: those that did by another parameter, as where a motion that is followed
+        is another than the one that was found anew. Where a datum changes much, the difference is taken anew over a
+        tenth: what is merely steep then is smooth. What still jumps, as where another branch of multipliers takes over,
+        has no slope and is left out.
         """
-        forward = values[index] + size <= self.upper[index]
+        size = size if values[index] + size <= self.upper[index] else -size
         for _ in range(SHORTER_DIFFERENCES + 1):
-            aside = values.copy()
-            aside[index] += size if forward else -size
-            self.evaluations += 1
-            there = self.problem.evaluate(aside, here)
-            difference, density = there.coordinates - here.coordinates, there.log_density - here.log_density
-            jumping = np.abs(difference) > JUMP
-            if not jumping.any():
+            there = self._beside(values, here, index, size)
+            difference = there.coordinates - here.coordinates
+            jumping = known | (np.abs(difference) > JUMP)
+            if (jumping == known).all():
                 break
             size /= 10.0
-        change = (aside[index] - values[index]) / self.width[index]
-        jumps = np.zeros(len(density), dtype=bool)
+        else:
+            size *= 10.0
+        if (suspect := ~jumping & (np.abs(difference) > SUSPECT)).any():
+            nearer = self._beside(values, here, index, size / 10.0).coordinates - here.coordinates
+            jumping = jumping | (suspect & (np.abs(nearer) > STAYING * np.abs(difference)))
+        change = size / self.width[index]
+        jumps = np.zeros(len(here.log_density), dtype=bool)
         jumps[here.datum[jumping]] = True
         slope = np.where(jumps[here.datum], 0.0, difference) / change
         # A difference to one side is off by half the curvature times its length, and the curvature is known.
-        return slope, float(density[~jumps].sum() / change + 0.5 * change * (slope @ slope))
+        rise = (there.log_density - here.log_density)[~jumps].sum()
+        return slope, float(rise / change + 0.5 * change * (slope @ slope)), jumping
+
+    def _beside(self, values: Array, here: Evaluation, index: int, size: float) -> Evaluation:
+        """Return the evaluation of values (parameter,) of which one is another by so much, near one that is known."""
+        aside = values.copy()
+        aside[index] += size
+        self.evaluations += 1
+        return self.problem.evaluate(aside, here)
 
     def _held(self, values: Array, gradient: Array) -> NDArray[np.bool_]:
         """Return which parameters stand at a bound that they would leave."""

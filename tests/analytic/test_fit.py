@@ -2,6 +2,7 @@
 
 import math
 import pickle
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -218,6 +219,47 @@ def test_a_datum_that_jumps_gives_no_slope_and_does_not_stop_the_fit():
     assert found.converged
     assert found.estimate[0] == pytest.approx(1.0, abs=0.02)
     assert found.standard_deviation[0] == pytest.approx(1.0 / math.sqrt(401.0), rel=1e-3)
+
+
+@pytest.mark.parametrize("offset", [0.06, 0.3, 3.0])
+def test_a_datum_that_is_another_where_it_is_followed_from_nearby_leaves_all_others_their_slopes(offset):
+    """What is found anew and what is followed may differ by so much, however short a difference is."""
+    problem, design, _, _, width = linear()
+    alone = problem.evaluate
+
+    def evaluate(values, near=None):
+        found = alone(values)
+        return replace(found, coordinates=found.coordinates + np.eye(12)[11] * offset * (near is not None))
+
+    problem.evaluate = evaluate
+    climb, start, deviation = Climb(problem, np.ones(3, dtype=bool)), np.array([0.0, 0.5, -0.2]), width
+    # As a climb does it: each slope is taken over a share of what the one before has left of deviations.
+    for _ in range(newton.MOST_STEPS):
+        _, information = climb.slope(start, problem.evaluate(start), deviation)
+        deviation = width / np.sqrt(np.diag(information))
+    if offset > newton.SUSPECT:
+        others = design[:11].T @ design[:11] * np.outer(width, width) + np.eye(3)
+        assert information == pytest.approx(others, rel=1e-6)
+    else:
+        # A jump that passes for a slope makes it no steeper than what changes by as much over the first difference.
+        assert (deviation > 0.5 * newton.LARGEST_DIFFERENCE * width).all()
+
+
+def test_what_jumps_for_one_parameter_is_not_looked_for_again_by_the_others():
+    problem, *_ = linear()
+    alone, shifts = problem.evaluate, []
+
+    def evaluate(values, near=None):
+        found = alone(values)
+        shifts.extend([] if near is None else [values])
+        return replace(found, coordinates=found.coordinates + np.eye(12)[11] * (near is not None))
+
+    problem.evaluate = evaluate
+    climb, start = Climb(problem, np.ones(3, dtype=bool)), np.array([0.0, 0.5, -0.2])
+    jacobian, _ = climb.derivatives(start, problem.evaluate(start), climb.width)
+    assert (jacobian[11] == 0.0).all()
+    assert (jacobian[:11] != 0.0).all()
+    assert [int(np.flatnonzero(one != start)[0]) for one in shifts] == [0] * (newton.SHORTER_DIFFERENCES + 1) + [1, 2]
 
 
 def test_a_step_that_falls_is_followed_by_one_that_is_truly_another():
