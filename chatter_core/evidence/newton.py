@@ -27,10 +27,13 @@ DIFFERENCE_SHARE, LARGEST_DIFFERENCE = 0.1, 0.02
 #: A coordinate that changes by more over such a difference is steep or has jumped, and the difference is shortened, so
 #: many times.
 JUMP, SHORTER_DIFFERENCES = 0.5, 3
-#: Over a tenth of the deviation that all data leave none changes by more than a tenth. What does has jumped as well
-#: where over a tenth of the difference this share of the change is left: a jump that passed for a slope would shorten
-#: the next difference, and that the one after, without end.
-SUSPECT, STAYING = DIFFERENCE_SHARE, 0.75
+#: All coordinates together change by a tenth over a tenth of the deviation that they leave, a little more where slopes
+#: have grown since. Where they change by more, what is found anew may be another than what is followed from it, however
+#: short the way, and the difference is taken between two that were followed: as a slope it would shorten the next
+#: difference, and that the one after, without end.
+SUSPECT = 1.25 * DIFFERENCE_SHARE
+#: Where the nearer of the two lies, in differences.
+NEARER = 0.1
 #: Damping at the start, its factors after a failed step (twice that after each further one, as Nielsen has it) and
 #: after a good one, and where a direction is given up.
 DAMPING, DAMPING_UP, DAMPING_DOWN, DAMPING_MOST, DAMPING_LEAST = 1e-3, 4.0, 0.2, 1e6, 1e-6
@@ -279,44 +282,43 @@ class Climb:
         """
         gradient = np.zeros(len(values))
         jacobian = np.zeros((len(evaluation.coordinates), len(values)))
-        jumping = np.zeros(len(evaluation.coordinates), dtype=bool)
         for index in np.flatnonzero(self.free if which is None else which):
             size = min(DIFFERENCE_SHARE * deviation[index], LARGEST_DIFFERENCE * self.width[index])
-            jacobian[:, index], gradient[index], jumping = self._differences(
-                values, evaluation, int(index), size, jumping
-            )
+            # Of a prior's width nothing is known but that.
+            is_left = bool(deviation[index] < self.width[index])
+            jacobian[:, index], gradient[index] = self._differences(values, evaluation, int(index), size, is_left)
         return jacobian, gradient
 
     def _differences(
-        self, values: Array, here: Evaluation, index: int, size: float, known: NDArray[np.bool_]
-    ) -> tuple[Array, float, NDArray[np.bool_]]:
+        self, values: Array, here: Evaluation, index: int, size: float, is_left: bool
+    ) -> tuple[Array, float]:
         """Return the derivatives of the coordinates (coordinate,) and of the log-likelihood by one parameter.
 
-        With them which coordinates jump; known: those that did by another parameter, as where a motion that is followed
-        is another than the one that was found anew. Where a datum changes much, the difference is taken anew over a
-        tenth: what is merely steep then is smooth. What still jumps, as where another branch of multipliers takes over,
-        has no slope and is left out.
+        is_left: whether the difference is a share of the deviation that the data leave. Where a datum jumps, it is
+        taken anew over a tenth: what is merely steep then is smooth. What still jumps, as where another branch of
+        multipliers takes over, has no slope and is left out.
         """
         size = size if values[index] + size <= self.upper[index] else -size
         for _ in range(SHORTER_DIFFERENCES + 1):
             there = self._beside(values, here, index, size)
             difference = there.coordinates - here.coordinates
-            jumping = known | (np.abs(difference) > JUMP)
-            if (jumping == known).all():
+            jumping = np.abs(difference) > JUMP
+            if not jumping.any():
                 break
             size /= 10.0
         else:
             size *= 10.0
-        if (suspect := ~jumping & (np.abs(difference) > SUSPECT)).any():
-            nearer = self._beside(values, here, index, size / 10.0).coordinates - here.coordinates
-            jumping = jumping | (suspect & (np.abs(nearer) > STAYING * np.abs(difference)))
-        change = size / self.width[index]
+        start, begins = here, 0.0
+        if is_left and np.linalg.norm(difference[~jumping]) > SUSPECT:
+            start, begins = self._beside(values, here, index, NEARER * size), NEARER
+        change = (1.0 - begins) * size / self.width[index]
         jumps = np.zeros(len(here.log_density), dtype=bool)
         jumps[here.datum[jumping]] = True
-        slope = np.where(jumps[here.datum], 0.0, difference) / change
-        # A difference to one side is off by half the curvature times its length, and the curvature is known.
-        rise = (there.log_density - here.log_density)[~jumps].sum()
-        return slope, float(rise / change + 0.5 * change * (slope @ slope)), jumping
+        slope = np.where(jumps[here.datum], 0.0, there.coordinates - start.coordinates) / change
+        # The difference tells the slope in its middle; from here that is off by the curvature, which is known.
+        middle = 0.5 * (1.0 + begins) * size / self.width[index]
+        rise = (there.log_density - start.log_density)[~jumps].sum()
+        return slope, float(rise / change + middle * (slope @ slope))
 
     def _beside(self, values: Array, here: Evaluation, index: int, size: float) -> Evaluation:
         """Return the evaluation of values (parameter,) of which one is another by so much, near one that is known."""

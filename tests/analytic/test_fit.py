@@ -221,45 +221,58 @@ def test_a_datum_that_jumps_gives_no_slope_and_does_not_stop_the_fit():
     assert found.standard_deviation[0] == pytest.approx(1.0 / math.sqrt(401.0), rel=1e-3)
 
 
-@pytest.mark.parametrize("offset", [0.06, 0.3, 3.0])
-def test_a_datum_that_is_another_where_it_is_followed_from_nearby_leaves_all_others_their_slopes(offset):
-    """What is found anew and what is followed may differ by so much, however short a difference is."""
-    problem, design, _, _, width = linear()
+def followed(problem, offset):
+    """Return a problem of which what is followed from nearby is another than what is found anew, by (coordinate,)."""
     alone = problem.evaluate
 
     def evaluate(values, near=None):
         found = alone(values)
-        return replace(found, coordinates=found.coordinates + np.eye(12)[11] * offset * (near is not None))
+        return replace(found, coordinates=found.coordinates + offset * (near is not None))
 
     problem.evaluate = evaluate
-    climb, start, deviation = Climb(problem, np.ones(3, dtype=bool)), np.array([0.0, 0.5, -0.2]), width
+    return problem
+
+
+@pytest.mark.parametrize("offsets", [(0.3,), (0.3, -0.2), (0.09, 0.09, 0.09), (0.09, -0.09, 0.09), (0.13,)])
+@pytest.mark.parametrize("rows", [slice(0, 3), slice(4, 7), slice(9, 12)])
+def test_what_is_followed_from_nearby_has_its_slope_though_it_is_another_than_what_is_found_anew(offsets, rows):
+    problem, design, _, _, width = linear()
+    offset = np.zeros(12)
+    offset[rows][: len(offsets)] = offsets
+    climb, start, deviation = (
+        Climb(followed(problem, offset), np.ones(3, dtype=bool)),
+        np.array([0.0, 0.5, -0.2]),
+        width,
+    )
+    true = np.diag(design.T @ design) * width**2 + 1.0
     # As a climb does it: each slope is taken over a share of what the one before has left of deviations.
     for _ in range(newton.MOST_STEPS):
         _, information = climb.slope(start, problem.evaluate(start), deviation)
         deviation = width / np.sqrt(np.diag(information))
-    if offset > newton.SUSPECT:
-        others = design[:11].T @ design[:11] * np.outer(width, width) + np.eye(3)
-        assert information == pytest.approx(others, rel=1e-6)
-    else:
-        # A jump that passes for a slope makes it no steeper than what changes by as much over the first difference.
-        assert (deviation > 0.5 * newton.LARGEST_DIFFERENCE * width).all()
+    # A change that is no slope is not told from one that is while both together are as large as a slope's may be: what
+    # remains of the slope beside it is then a fourth of that at least.
+    assert (np.diag(information) < 16.0 * true).all()
+    # Where it is told it takes itself away: of differences that are large enough nothing else is left.
+    _, information = climb.slope(start, problem.evaluate(start), width * np.array([0.02, 0.02, 0.02]))
+    assert np.diag(information) == pytest.approx(true, rel=1e-6)
 
 
-def test_what_jumps_for_one_parameter_is_not_looked_for_again_by_the_others():
-    problem, *_ = linear()
-    alone, shifts = problem.evaluate, []
-
-    def evaluate(values, near=None):
-        found = alone(values)
-        shifts.extend([] if near is None else [values])
-        return replace(found, coordinates=found.coordinates + np.eye(12)[11] * (near is not None))
-
-    problem.evaluate = evaluate
-    climb, start = Climb(problem, np.ones(3, dtype=bool)), np.array([0.0, 0.5, -0.2])
+def test_a_jump_by_one_parameter_takes_no_slope_from_another():
+    problem = Normal((parameter("a"), parameter("b")), lambda v: np.array([5.0 * v[1] + 2.0 * (v[0] > 0.300001), v[0]]))
+    climb, start = Climb(problem, np.ones(2, dtype=bool)), np.array([0.3, 0.1])
     jacobian, _ = climb.derivatives(start, problem.evaluate(start), climb.width)
-    assert (jacobian[11] == 0.0).all()
-    assert (jacobian[:11] != 0.0).all()
-    assert [int(np.flatnonzero(one != start)[0]) for one in shifts] == [0] * (newton.SHORTER_DIFFERENCES + 1) + [1, 2]
+    assert jacobian == pytest.approx(np.array([[0.0, 5.0], [1.0, 0.0]]), abs=1e-9)
+
+
+def test_at_an_upper_bound_differences_are_taken_inwards():
+    bounded = Normal(
+        (parameter("a", upper=0.5),), lambda v: np.where(v[0] <= 0.5, np.array([3.0 * v[0], v[0] ** 2]), np.nan)
+    )
+    climb, start = Climb(bounded, np.ones(1, dtype=bool)), np.array([0.5])
+    gradient, information = climb.slope(start, bounded.evaluate(start), climb.width)
+    # A difference of 0.02 over a square is off by that, and half of it times what the square is.
+    assert information[0, 0] == pytest.approx(1.0 + 9.0 + 1.0, abs=0.05)
+    assert gradient[0] == pytest.approx(-(4.5 + 0.25) - 0.5, abs=0.006)
 
 
 def test_a_step_that_falls_is_followed_by_one_that_is_truly_another():
