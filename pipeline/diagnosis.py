@@ -337,8 +337,8 @@ class _Judge:
             pairs, fitted = pairs_of(self._workers, found.base, self._candidates, found.ranking, suffices=not fails)
             beside = None if fails else fitted
         if pairs:
+            pairs = led(pairs, self._left([one.best for one in close_pairs(pairs)]))
             left = self._left([first.best, *(one.best for one in close_pairs(pairs))])
-            pairs = led(pairs, left)
             if (pair := leading_pair(found.ranking, pairs, left)) is not None:
                 found = with_halves_refitted(self._workers, found, pair)
         base, ranking = found.base, found.ranking

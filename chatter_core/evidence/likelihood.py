@@ -30,6 +30,8 @@ FREQUENCY_SHARE, FREQUENCY_FLOOR, FREQUENCY_DRIFT = 0.005, 2.0 * np.pi * 3.0, 0.
 FREQUENCY_FREEDOM, FREQUENCY_ELSEWHERE, NEIGHBOURS = 4.0, 0.1, 3
 #: Places in a line spacing at which it is asked what a frequency that is heard there would say.
 MOVED = 400
+#: Frequencies that are moved at once: memory of 50 MB.
+MOVED_AT_ONCE = 64
 #: Degrees of freedom of a limit depth's: beside a lobe's peak a resonance that is slightly off is off by a factor.
 LIMIT_FREEDOM = 4.0
 #: Coordinate of a limit depth that is one scale off: the root of the expected information of a location.
@@ -174,6 +176,13 @@ def chance_beyond(far: Array, residual: Array, share: Array, scale: Array, spaci
 
     See docs/physics.md#comparison.
     """
+    together = (far, residual, share, scale, spacing)
+    blocks = range(0, len(far), MOVED_AT_ONCE)
+    return np.concatenate([_beyond(*(one[start : start + MOVED_AT_ONCE] for one in together)) for start in blocks])
+
+
+def _beyond(far: Array, residual: Array, share: Array, scale: Array, spacing: Array) -> Array:
+    """Return ``chance_beyond`` of a few frequencies."""
     shift = spacing[:, None] * (np.arange(MOVED) + 0.5) / MOVED
     moved = _to_nearest(residual[:, None] + shift[:, :, None, None], spacing[:, None, None, None])
     each = [np.repeat(one, MOVED, axis=0) for one in (share, scale, spacing)]

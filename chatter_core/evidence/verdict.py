@@ -175,12 +175,12 @@ def _unexplained(best: Ranked, checks: Sequence[Failure]) -> Verdict:
 
 
 def close_pairs(pairs: Sequence[Ranked]) -> list[Ranked]:
-    """Return the pairs that gain about as much as the best of them, itself among them; any of them may lead.
+    """Return the pairs that gain about as much as the best of them, and as the first; none without any.
 
     See docs/physics.md#diagnosis.
     """
-    most = max((one.gain for one in pairs), default=0.0)
-    return [one for one in pairs if one.gain > most - PAIR_LEAD]
+    least = min(max(one.gain for one in pairs), pairs[0].gain) - PAIR_LEAD if pairs else 0.0
+    return [one for one in pairs if one.gain > least]
 
 
 def led(pairs: Sequence[Ranked], left: Mapping[str, Sequence[Failure]]) -> list[Ranked]:

@@ -162,6 +162,9 @@ def test_of_pairs_that_gain_alike_one_that_leaves_no_check_failed_leads():
     found = decided(ranking, *pairs, **left)
     assert (found.kind, found.missing) == ("effect", ("a", "c"))
     assert "39 nats" in found.text
+    # What gains about as much as the one that leads is tied with it, though it gains less than the best.
+    found = decided(ranking, *pairs[:2], ranked("b + c", 1.0, 37.0), **left)
+    assert (found.kind, found.missing) == ("ambiguous", ("a", "b", "c"))
     # One that gains far less does not lead, whatever it leaves.
     assert decided(ranking, *pairs, **left, **{"a + c": failed}).kind == "unexplained"
 
