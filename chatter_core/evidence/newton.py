@@ -283,21 +283,18 @@ class Climb:
         gradient = np.zeros(len(values))
         jacobian = np.zeros((len(evaluation.coordinates), len(values)))
         for index in np.flatnonzero(self.free if which is None else which):
-            size = min(DIFFERENCE_SHARE * deviation[index], LARGEST_DIFFERENCE * self.width[index])
-            # Of a prior's width nothing is known but that.
-            is_left = bool(deviation[index] < self.width[index])
-            jacobian[:, index], gradient[index] = self._differences(values, evaluation, int(index), size, is_left)
+            jacobian[:, index], gradient[index] = self._differences(
+                values, evaluation, int(index), float(deviation[index])
+            )
         return jacobian, gradient
 
-    def _differences(
-        self, values: Array, here: Evaluation, index: int, size: float, is_left: bool
-    ) -> tuple[Array, float]:
+    def _differences(self, values: Array, here: Evaluation, index: int, deviation: float) -> tuple[Array, float]:
         """Return the derivatives of the coordinates (coordinate,) and of the log-likelihood by one parameter.
 
-        is_left: whether the difference is a share of the deviation that the data leave. Where a datum jumps, it is
-        taken anew over a tenth: what is merely steep then is smooth. What still jumps, as where another branch of
-        multipliers takes over, has no slope and is left out.
+        Where a datum jumps, the difference is taken anew over a tenth: what is merely steep then is smooth. What still
+        jumps, as where another branch of multipliers takes over, has no slope and is left out.
         """
+        size = min(DIFFERENCE_SHARE * deviation, LARGEST_DIFFERENCE * self.width[index])
         size = size if values[index] + size <= self.upper[index] else -size
         for _ in range(SHORTER_DIFFERENCES + 1):
             there = self._beside(values, here, index, size)
@@ -309,7 +306,8 @@ class Climb:
         else:
             size *= 10.0
         start, begins = here, 0.0
-        if is_left and np.linalg.norm(difference[~jumping]) > SUSPECT:
+        # Of a prior's width it is not known what changes may be expected over a share of it.
+        if deviation < self.width[index] and np.linalg.norm(difference[~jumping]) > SUSPECT:
             start, begins = self._beside(values, here, index, NEARER * size), NEARER
         change = (1.0 - begins) * size / self.width[index]
         jumps = np.zeros(len(here.log_density), dtype=bool)
