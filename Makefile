@@ -10,7 +10,7 @@ SEEDS  ?= test
 FOLDER ?= results/blind
 
 .DEFAULT_GOAL := help
-.PHONY: help run sweep dataset point compare diagnose improve predict identify paper tutorial template report contrast journal status verify pack s3 bench scale blind soak slurm docs test clean
+.PHONY: help run sweep dataset point compare diagnose improve predict identify paper tutorial template report contrast journal status verify pack s3 bench scale blind soak fuzz slurm docs test clean
 
 help: ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## /\1\t/' | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'

@@ -25,6 +25,8 @@ from pipeline.profiling import own_parameters
 ENDS, CUTS, RESPONSES = "ends of intervals", "next cuts", "next receptances"
 #: A cut as the machine is set up, among kinds of cuts.
 PLAIN_CUT = "cut"
+#: A cut that is set up otherwise has to tell so much more than one as the machine is set up.
+WORTH_SETTING_UP = 1.05
 
 
 def completed(
@@ -94,9 +96,13 @@ def with_pictures(workers: Workers | None, found: Diagnosis) -> Diagnosis:
 
 
 def _told_of_others(found: Diagnosis) -> list[Hypothesis]:
-    """Return the hypotheses that are judged on cuts held out: the base model, and the best or else a likely effect."""
+    """Return the hypotheses that are judged on cuts held out.
+
+    The base model, and the best or else a likely effect; of a pair that is named its better half, too.
+    """
     effects = [one.best for one in not_ruled_out(found.ranking) if one.name != NOTHING]
-    return [found.base, *([found.best] if found.best is not found.base else effects[:1])]
+    half = [] if found.better_half is None else [found.better_half]
+    return [found.base, *half, *([found.best] if found.best is not found.base else effects[:1])]
 
 
 def _held_out_jobs(hypothesis: Hypothesis, base: Hypothesis, belief: Belief) -> list[Job]:
@@ -134,6 +140,9 @@ def _next_cut(kind: str, first: Hypothesis, second: Hypothesis, own: dict[str, f
 
 def _next(parts: Mapping[str, list[Any]]) -> tuple[NextTrial | None, list[NextMeasurement]]:
     """Return the cut that would part two hypotheses, and all measurements that would, by what they are worth."""
-    cuts = dict(parts[CUTS])
-    measurements = [*parts[RESPONSES][0], *(of_cut(kind, one) for kind, one in cuts.items() if one is not None)]
-    return cuts[PLAIN_CUT], sorted(measurements, key=lambda one: -one.worth)
+    cuts: dict[str, NextTrial | None] = dict(parts[CUTS])
+    plain = cuts[PLAIN_CUT]
+    least = 0.0 if plain is None else WORTH_SETTING_UP * plain.expected_gain
+    told = {kind: one for kind, one in cuts.items() if one is not None and (one is plain or one.expected_gain > least)}
+    measurements = [*parts[RESPONSES][0], *(of_cut(kind, one) for kind, one in told.items())]
+    return plain, sorted(measurements, key=lambda one: -one.worth)

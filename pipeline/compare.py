@@ -33,7 +33,7 @@ def _compare(workers: Workers | None, asked: Asked) -> Assessment:
 
 
 def _write(found: Assessment, asked: Asked, output: Path) -> list[Path]:
-    paths = comparison_page.write(found, asked.name, asked.given, output)
+    paths = comparison_page.write(found, asked.name, asked.given, asked.content, output)
     model_file.write(output / MODEL, asked.model.campaign, found.refitted.fit, asked.content)
     return [*paths, output / MODEL]
 
@@ -90,6 +90,8 @@ VERB = Verb(
     compute=_compare,
     write=_write,
     summary=comparison_page.summary,
-    facts=lambda found, asked: {"comparison": comparison_document.document(found, asked.name, asked.given)},
+    facts=lambda found, asked: {
+        "comparison": comparison_document.document(found, asked.name, asked.given, asked.content)
+    },
     lost=lambda found: found.refitted.compared.prediction.failed,
 )

@@ -16,6 +16,7 @@ from chatter_core.evidence.fit import Fit
 from chatter_core.evidence.measured import OUTCOMES
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score, Told
 from chatter_core.units import si_factor
+from pipeline.model_file import Content
 from pipeline.telling import plain
 
 #: Files.
@@ -26,11 +27,11 @@ STRONG_CORRELATION = 0.5
 PROBABILITIES = (0.0, 0.05, 0.25, 0.75, 0.95, 1.0)
 
 
-def write(found: Assessment, campaign: str, given: str | None, output: Path) -> list[Path]:
+def write(found: Assessment, campaign: str, given: str | None, content: Content, output: Path) -> list[Path]:
     """Write comparison.json and, where there are trials, trials.csv; return the paths."""
     paths = [output / DOCUMENT]
     paths[0].write_text(
-        json.dumps(document(found, campaign, given), indent=1, allow_nan=False) + "\n", encoding="utf-8"
+        json.dumps(document(found, campaign, given, content), indent=1, allow_nan=False) + "\n", encoding="utf-8"
     )
     if found.comparison.model.campaign.trials is not None:
         paths.append(output / TRIALS)
@@ -38,12 +39,16 @@ def write(found: Assessment, campaign: str, given: str | None, output: Path) -> 
     return paths
 
 
-def document(found: Assessment, campaign: str, given: str | None) -> dict[str, Any]:
-    """Return everything as plain data; what is not known is null. given: the file of the model, None for none."""
+def document(found: Assessment, campaign: str, given: str | None, content: Content) -> dict[str, Any]:
+    """Return everything as plain data; what is not known is null.
+
+    given: the file of the model, None for none; content: what the model is made of.
+    """
     fit = found.refitted.fit
     return {
         "campaign": campaign,
         "model": given,
+        **made_of(content),
         "measured": measured(found.comparison.model.campaign),
         "coverage_of_intervals": COVERAGE,
         "held_out_groups": found.held_out_groups,
@@ -121,9 +126,25 @@ def fit_data(fit: Fit) -> dict[str, Any]:
     return {"converged": fit.converged, "reason": fit.reason}
 
 
-def origin(given: str | None) -> list[str]:
-    """Return in a sentence which file the model is from; none where it is the machine as described."""
-    return [] if given is None else [f"The model to begin with, as described, is that in {given}."]
+def made_of(content: Content) -> dict[str, Any]:
+    """Return as plain data what a model is made of."""
+    return {"base": content.base, "modes": content.modes, "effects": content.effects}
+
+
+def origin(given: str | None, content: Content) -> list[str]:
+    """Return in sentences which model was asked; none where it is the base model of the machine as described.
+
+    given: the file of the model, None for none; content: what it is made of.
+    """
+    told = [] if given is None else [f"The model to begin with, as described, is that in {given}."]
+    parts = ["bearings as at rest"] if content.base == "static_bearing" else []
+    if content.modes is not None:
+        parts.append(f"{content.modes} mode{'' if content.modes == 1 else 's'} of each axis in the cut")
+    parts += [name.replace("_", " ") for name in content.effects]
+    if parts:
+        named = f"{', '.join(parts[:-1])} and {parts[-1]}" if len(parts) > 1 else parts[0]
+        told.append(f"The model that was asked has {named}.")
+    return told
 
 
 def cautions(fit: Fit, what: str) -> list[str]:

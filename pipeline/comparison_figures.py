@@ -72,7 +72,10 @@ def lobes(found: Assessment) -> Figure:
         below.set_title(found.refitted.title, loc="left", fontweight="bold")
         below.set_xlabel("spindle speed [rpm]")
     figure.legend(
-        handles=[*_boundary_key(found), *_trial_key(found)], loc="outside lower center", ncols=3, frameon=False
+        handles=[*_boundary_key(found), *_trial_key(found), *_limit_key(found)],
+        loc="outside lower center",
+        ncols=3,
+        frameon=False,
     )
     return figure
 
@@ -149,15 +152,27 @@ def _boundary_key(found: Assessment) -> list[Line2D | Patch]:
 
 
 def _trial_key(found: Assessment) -> list[Line2D | Patch]:
-    """Return the entries of the legend for cuts; none where there are none."""
-    if found.comparison.model.campaign.trials is None:
+    """Return the entries of the legend for cuts, of outcomes that there are; none where there are none."""
+    trials = found.comparison.model.campaign.trials
+    if trials is None:
         return []
+    seen = [name for code, name in enumerate(OUTCOMES) if (trials.outcome == code).any()]
     marks = [
-        Line2D([], [], linestyle="", marker=mark, color="black", label=name, markerfacecolor="none")
-        for name, mark in MARKS.items()
+        Line2D([], [], linestyle="", marker=MARKS[name], color="black", label=name, markerfacecolor="none")
+        for name in seen
     ]
-    colours = {"told right": RIGHT, "told wrongly": WRONG, "neither": NEITHER}
+    colours = {"told right": RIGHT, "told wrongly": WRONG}
+    if "marginal" in seen:
+        colours["marginal: neither right nor wrong"] = NEITHER
     return [*marks, *(Patch(color=colour, label=name) for name, colour in colours.items())]
+
+
+def _limit_key(found: Assessment) -> list[Line2D]:
+    """Return the entry of the legend for limit depths; none where none was measured."""
+    if found.comparison.model.campaign.limits is None:
+        return []
+    mark = Line2D([], [], color="black", marker="s", markersize=3.5, label="limit depth, measured, and its uncertainty")
+    return [mark]
 
 
 def receptances(found: Assessment) -> Figure:

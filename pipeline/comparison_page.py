@@ -10,6 +10,7 @@ from chatter_core.evidence.failures import Failure
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
 from pipeline import comparison_document, comparison_figures, page
 from pipeline.answer_folder import PAGE
+from pipeline.model_file import Content
 
 if TYPE_CHECKING:
     from pipeline.plots import Embedded
@@ -61,16 +62,22 @@ PER_CENT = ("outcome", "depth_margin", "limit_depth", "receptance", "natural_fre
             "bearing_stiffness")  # fmt: skip
 
 
-def write(found: Assessment, campaign: str, given: str | None, output: Path) -> list[Path]:
-    """Write data, figures and page of a comparison; return the paths. given: the file of the model, None for none."""
-    written, measured = comparison_document.write(found, campaign, given, output), found.comparison.model.campaign
+def write(found: Assessment, campaign: str, given: str | None, content: Content, output: Path) -> list[Path]:
+    """Write data, figures and page of a comparison; return the paths.
+
+    given: the file of the model, None for none; content: what the model is made of.
+    """
+    written, measured = (
+        comparison_document.write(found, campaign, given, content, output),
+        found.comparison.model.campaign,
+    )
     pictures = comparison_figures.write(found, output / comparison_figures.FOLDER)
     page.write(
         output / PAGE,
         "comparison.html",
         title=f"Model and measurements: {campaign}",
         subtitle=_measured(found),
-        headlines=[*comparison_document.origin(given), *headlines(found)],
+        headlines=[*comparison_document.origin(given, content), *headlines(found)],
         columns=["quantity", "as described", "calibrated", "held out", "what it is"],
         rows=error_rows(found),
         failures=[

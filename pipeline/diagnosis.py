@@ -141,9 +141,18 @@ class Diagnosis(ShownAsCard):
             content = content.with_effect(candidate.name, candidate.settings)
         return content
 
+    @property
+    def better_half(self) -> Hypothesis | None:
+        """Of a pair that is supported the effect that alone gains more; None where no pair is."""
+        pair = self.leading_pair
+        if pair is None or self.supported is not pair.best:
+            return None
+        return max((one for one in self.ranking if one.name in pair.best.names), key=lambda one: one.gain).best
+
     def version(self, hypothesis: Hypothesis) -> Version:
-        """Return a hypothesis that was judged as it was held against the campaign."""
-        return self.judged[name_of(hypothesis)]
+        """Return a hypothesis as it is held against the campaign."""
+        known = self.judged.get(name_of(hypothesis))
+        return _judged(hypothesis) if known is None else known
 
 
 def check_enough(model: CampaignModel) -> None:

@@ -15,7 +15,7 @@ from chatter_core.evidence.ranking import NOTHING, Ranked
 from chatter_core.evidence.scores import COVERAGE, ERRORS, Score
 from chatter_core.units import si_factor
 from pipeline import corrections
-from pipeline.comparison_document import cautions, failure_data, fit_data, measured, parameter_data
+from pipeline.comparison_document import cautions, failure_data, fit_data, made_of, measured, parameter_data
 from pipeline.diagnosis import Diagnosis, name_of
 from pipeline.telling import plain
 
@@ -48,6 +48,7 @@ def document(found: Diagnosis, campaign: str, given: str | None) -> dict[str, An
     return {
         "campaign": campaign,
         "model": given,
+        **made_of(found.content),
         "verdict": found.verdict.kind,
         "missing": list(found.verdict.missing),
         "text": found.verdict.text,

@@ -1,4 +1,4 @@
-"""Figures of a diagnosis: the ranking, what could have been seen, and the error on cuts held out."""
+"""Figures of a diagnosis: the ranking, and what could have been seen."""
 
 from pathlib import Path
 
@@ -13,10 +13,14 @@ from pipeline import comparison_figures, corrections
 from pipeline.diagnosis import Diagnosis
 from pipeline.figures import COLOURS
 
-#: Evidences beyond this are drawn at the end of the axis [nats].
-MOST_NATS = 200.0
+#: An axis of what could have been seen reaches as far at least [nats].
+LEAST_REACH = 200.0
+#: Pairs that are drawn below single effects, those that lead.
+PAIRS_DRAWN = 3
+#: Share of a row that the bars of quantities fill, and that of them together behind these.
+WITHIN, TOGETHER = 0.6, 0.84
 #: Marks on axes of evidence, as far as an axis reaches [nats]: they are apart, near zero as well as far from it.
-MARKS = (-10.0, -5.0, 0.0, 5.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
+MARKS = (-10.0, -5.0, 0.0, 5.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 10_000.0)
 
 
 def write(found: Diagnosis, folder: Path) -> list[Path]:
@@ -37,25 +41,30 @@ def write(found: Diagnosis, folder: Path) -> list[Path]:
 
 def ranking(found: Diagnosis) -> Figure:
     """Draw the probability and the evidence of every effect."""
-    shown = found.ranking
+    shown = [*found.ranking, *found.pairs[:PAIRS_DRAWN]]
     names = [one.name.replace("_", " ") if one.name != NOTHING else "nothing missing" for one in shown]
     figure = Figure(figsize=(10.0, 1.4 + 0.32 * len(shown)), layout="constrained")
     figure.suptitle("What is missing", fontweight="bold", x=0.01, ha="left")
     left, right = figure.subplots(1, 2, sharey=True)
     rows = np.arange(len(shown))[::-1]
-    named = [one.name in found.verdict.missing for one in shown]
-    colours = [COLOURS[1] if is_named else COLOURS[0] for is_named in named]
-    left.barh(rows, [one.probability for one in shown], color=colours)
+    named = {*found.verdict.missing, found.supported.name}
+    colours = [COLOURS[1] if one.name in named else COLOURS[0] for one in shown]
+    left.barh(rows[: len(found.ranking)], [one.probability for one in found.ranking], color=colours)
+    for row in rows[len(found.ranking) :]:
+        left.text(0.01, row, "a pair, by its evidence alone", va="center", fontsize="small", color="0.4")
     left.set_yticks(rows, names)
     left.set_xlim(0.0, 1.0)
     left.set_xlabel("probability")
-    gains = np.clip([one.gain for one in shown], -10.0, MOST_NATS)
+    gains = np.array([one.gain for one in shown])
     right.barh(rows, gains, color=colours)
     right.axvline(0.0, color="black", linewidth=0.8)
     _scale_by_nats(right)
-    # What is no evidence looks like none.
-    low, high = right.get_xlim()
-    right.set_xlim(min(low, -1.2 * ENOUGH), max(high, 1.2 * ENOUGH))
+    # What is no evidence looks like none; what is any says how much, for on such an axis lengths say little.
+    right.set_xlim(-1.5 * ENOUGH, max(float(gains.max()) * 1.3, 3.0 * ENOUGH))
+    right.set_ylim(-0.7, len(rows) - 0.3)
+    for row, gain in zip(rows, gains, strict=True):
+        told = f"{round(gain, 1) + 0.0:+.1f}"
+        right.text(1.02, row, told, transform=right.get_yaxis_transform(), va="center", fontsize="small")
     right.set_xlabel("evidence over that of the base model [nats]")
     for axes in (left, right):
         axes.grid(alpha=0.3, axis="x")
@@ -66,17 +75,22 @@ def power(found: Diagnosis) -> Figure:
     """Draw what each effect of usual size would have left in the campaign, by kind of measurement."""
     powers = sorted(found.powers, key=lambda one: one.nats)
     quantities = sorted({name for one in powers for name in one.by_quantity})
-    figure = Figure(figsize=(10.0, 1.6 + 0.32 * len(powers)), layout="constrained")
+    figure = Figure(figsize=(10.0, 1.6 + 0.36 * len(powers)), layout="constrained")
     axes = figure.subplots()
-    rows, reached = np.arange(len(powers)), np.zeros(len(powers))
-    for colour, quantity in zip(COLOURS, quantities, strict=False):
-        share = np.array([max(one.by_quantity.get(quantity, 0.0), 0.0) for one in powers])
-        axes.barh(rows, share, left=reached, color=colour, label=quantity.replace("_", " "))
-        reached += share
+    rows = np.arange(len(powers))
+    together = np.array([max(one.nats, 0.0) for one in powers])
+    axes.barh(rows, together, height=TOGETHER, color="0.85", label="together")
+    # On such an axis a bar shows what it is worth only where it begins at nothing, so they do not stand on each other.
+    height = WITHIN / max(len(quantities), 1)
+    for number, (colour, quantity) in enumerate(zip(COLOURS, quantities, strict=False)):
+        place = rows + 0.5 * WITHIN - (number + 0.5) * height
+        share = [max(one.by_quantity.get(quantity, 0.0), 0.0) for one in powers]
+        axes.barh(place, share, height=height, color=colour, label=quantity.replace("_", " "))
     axes.axvline(ENOUGH, color="black", linestyle="--", linewidth=1.0)
     axes.set_yticks(rows, [str(one.candidate).replace("_", " ") for one in powers], fontsize="small")
+    axes.set_ylim(-0.7, len(rows) - 0.3)
     _scale_by_nats(axes)
-    axes.set_xlim(0.0, max(MOST_NATS, float(reached.max()) * 1.1))
+    axes.set_xlim(0.0, max(LEAST_REACH, float(together.max(initial=0.0)) * 1.3))
     axes.set_xlabel("log-likelihood that nothing else could make up for [nats]; dashed: needed to be seen")
     axes.set_title("What these measurements could have shown", loc="left", fontweight="bold")
     axes.legend(frameon=False, loc="lower right")

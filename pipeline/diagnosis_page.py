@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from chatter_core.evidence.power import ENOUGH
 from chatter_core.evidence.ranking import NOTHING
 from chatter_core.evidence.scores import Score
 from pipeline import diagnosis_document, diagnosis_figures, page
@@ -13,7 +14,8 @@ from pipeline.diagnosis_document import held_out_score
 
 FOLDER = "figures"
 CAPTIONS = {
-    "ranking": "Probability of each effect and of nothing missing, and the evidence for it.",
+    "ranking": "Probability of each effect and of nothing missing, and the evidence for it; below them the pairs that "
+    "lead, where any was tried.",
     "corrections": "What the measurements want to change: the factor of a quantity with its band, over the range "
     "measured (marks). Of damping and force over what was described (dashed: by calibration alone), of stiffness over "
     "what calibration makes of it. Grey: not wanted.",
@@ -21,8 +23,8 @@ CAPTIONS = {
     "receptances": "Receptance of the tool tip, measured, by the calibrated base model, and with what is missing.",
     "residuals": "What is left of margins and chatter frequencies with what is missing added.",
     "pulls": "Parameters of the calibration with what is missing added, in widths of what is plausible.",
-    "power": "What an effect of usual size would have left in these measurements. What ends before the dashed line "
-    "could not have been told.",
+    "power": "What an effect of usual size would have left in these measurements, by quantity and together (grey). "
+    "Where grey ends before the dashed line it could not have been told.",
 }
 #: Everything that there may be to write.
 FILES = (
@@ -47,7 +49,7 @@ def write(found: Diagnosis, campaign: str, given: str | None, output: Path) -> l
         output / PAGE,
         "diagnosis.html",
         title=f"What is missing: {campaign}",
-        origin=origin(given),
+        origin=origin(given, found.content),
         document=document,
         unjudged=unjudged(found.judged[NOTHING].failures),
         held_out=NAMES[diagnosis_document.held_out_quantity(found) or "outcome"],
@@ -92,6 +94,14 @@ def not_tried(found: Diagnosis) -> str:
     return "Not tried: " + "; ".join(f"{', '.join(names)}: {reason}" for reason, names in by_reason.items()) + "."
 
 
+def power_lines(found: Diagnosis) -> list[str]:
+    """Return as text what the measurements could have shown, the most first."""
+    told = [f"Of usual size an effect would have left so many nats in these measurements; {ENOUGH:g} are seen:"]
+    for one in sorted(found.powers, key=lambda one: -one.nats):
+        told.append(f"  {one.candidate!s:<50}{one.nats:.1f}")
+    return told
+
+
 def summary(found: Diagnosis) -> str:
     """Return the gist as text for a terminal."""
     lines = ["", f"verdict: {found.verdict.kind}", found.verdict.text, *diagnosis_document.unsettled(found), ""]
@@ -106,6 +116,7 @@ def summary(found: Diagnosis) -> str:
         lines += ["", line]
     lines += ["", found.corrections.text] if found.corrections is not None else []
     lines += ["", not_tried(found)] if found.not_tried else []
+    lines += ["", *power_lines(found)] if found.verdict.kind == "underpowered" else []
     trial = diagnosis_document.next_trial_data(found)
     lines += ["", trial["text"]] if trial is not None else []
     return "\n".join([*lines, ""])

@@ -1,6 +1,6 @@
 """Figures of a sweep, each a function of the opened store."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -97,6 +97,11 @@ def lobes_by_mode_count(lobes: xr.Dataset, preload: float) -> Figure:
 def modes_label(lobes: xr.Dataset, number: int) -> str:
     """Return which modes a value of the dimension ``mode_count`` stands for."""
     return modes_in_words(lobes.attrs["settings"]["grid"]["mode_selection"], number)
+
+
+def effects_on(attributes: Mapping[str, Any]) -> list[str]:
+    """Return the names of the effects that a study was computed with, in words."""
+    return [name.replace("_", " ") for name in attributes["settings"].get("effects", {})]
 
 
 def most_modes(lobes: xr.Dataset) -> int:
@@ -277,6 +282,6 @@ def _finish(axes: Axes, lobes: xr.Dataset, note: str, legend: bool = True) -> No
     over_speed(axes, lobes)
     axes.set_ylim(0.0, float(lobes["axial_depth"].max()))
     axes.set_ylabel("axial depth [mm]")
-    axes.set_title(note, loc="right", fontsize="small")
+    axes.set_title(", ".join([note, *effects_on(lobes.attrs)]), loc="right", fontsize="small")
     if legend:
         axes.legend(frameon=False)

@@ -48,6 +48,7 @@ def run(words: list[str]) -> int:
     if odd:
         say("")
     receptances = [_within(options, receptance) for receptance in measured.receptances if receptance.is_direct]
+    make_folder(options.output.parent)
     try:
         found = identify_tip(receptances, mode_count=options.modes)
     except InvalidInput as error:
@@ -56,7 +57,6 @@ def run(words: list[str]) -> int:
         raise InvalidInput([f"{source}: {problem}" for problem in problems]) from None
     except (np.linalg.LinAlgError, MemoryError) as error:
         raise InvalidInput([f"{source}: no modes can be found in these receptances: {error}"]) from None
-    make_folder(options.output.parent)
     with told_where(options.output):
         write_text(options.output, machine_file(found, rest, source.resolve().name))
         pictures = identify_figure.write(found, options.output)

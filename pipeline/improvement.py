@@ -30,7 +30,8 @@ class Improvement:
     """What became of a model.
 
     diagnoses: in turn; final: the hypothesis in the end, and content: what it is made of; added: names of the effects
-    that it has more than in the beginning; history: a row for each version of the model; before_and_after: the base
+    that it has more than in the beginning; history: a row for each version of the model, where a pair is added one for
+    its better half first; before_and_after: the base
     model calibrated and the final one with their lobes, for pictures; where nothing was added, the best of the first
     diagnosis takes its place, and None is there where that is the base model.
     """
@@ -81,6 +82,9 @@ def improve(workers: Workers | None, asked: Asked) -> Improvement:
         best = found.supported
         if best is found.base or len(diagnoses) > MOST_STEPS:
             break
+        if (half := found.better_half) is not None:
+            so_far = " + ".join([*content.effects, half.name])
+            rows.append(_row(so_far, found.version(half), found.held_out.get(half.name, {})))
         content = found.supported_content
         rows.append(_row(" + ".join(content.effects), found.version(best), found.held_out.get(best.name, {})))
         model, known = model_of(model.campaign, content), best.fit

@@ -82,7 +82,7 @@ def write(found: Improvement, campaign: str, given: str | None, output: Path) ->
         output / PAGE,
         "improvement.html",
         title=f"What was missing: {campaign}",
-        lead=[*origin(given), *lead(found)],
+        lead=[*origin(given, first.content), *lead(found)],
         columns=error_columns(found.history),
         rows=error_rows(found.history),
         history=page.embedded([output / PICTURE], CAPTIONS),
@@ -91,6 +91,7 @@ def write(found: Improvement, campaign: str, given: str | None, output: Path) ->
         captions=captions(first.base.comparison.model.campaign),
         compared=page.embedded([path for path in compared if path.stem not in PLOTTED], CAPTIONS),
         first=page.embedded(of_the_first, CAPTIONS),
+        power=documents[0]["power"],
         calibration=diagnosis_document.parameters_of(last.base, set()),
     )
     return [*written, *of_the_first, output / PICTURE, *compared, output / PAGE]

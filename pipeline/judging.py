@@ -73,7 +73,7 @@ def run(verb: Verb[Found], words: list[str]) -> int:
                 workers = None if client is None else Workers(client, asked.cluster.patience, NOT_KEPT)
                 found = verb.compute(workers, asked)
             written = _write(verb, found, asked, output)
-    for line in comparison_document.origin(asked.given):
+    for line in comparison_document.origin(asked.given, asked.content):
         say(line)
     say(verb.summary(found))
     fact(campaign=asked.name, **verb.facts(found, asked))

@@ -43,8 +43,8 @@ def run(words: list[str]) -> int:
         for line in unused_preloads(printable(options.trials.name), trials.preload, campaign.machine):
             remark(f"remark: {line}")
         model = model_of(planned_campaign(campaign, trials), asked.content)
+        make_folder(options.predictions.parent, "predictions")
         found = predict_planned(model, asked.belief)
-    make_folder(options.predictions.parent, "predictions")
     text = table(trials, found).iloc[order].to_csv(index=False, float_format="%.8g")
     with told_where(options.predictions, "predictions"):
         write_text(options.predictions, text)

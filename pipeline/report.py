@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +121,7 @@ def _page(
         html,
         "report.html",
         title=attributes["title"],
-        subtitle=f"{points} operating points, computed {attributes['created']}",
+        subtitle=f"{points} operating points{_with_effects(attributes)}, computed {attributes['created']}",
         warnings=warnings,
         findings=_findings(lobes, preload),
         tables=[_best_table(lobes), _limits_table(lobes, preload), _crossover_table(lobes)],
@@ -133,6 +134,11 @@ def _page(
         provenance=provenance(attributes, "sweep"),
         settings=json.dumps(attributes["settings"], indent=1),
     )
+
+
+def _with_effects(attributes: Mapping[str, Any]) -> str:
+    on = figures.effects_on(attributes)
+    return f", with {' and '.join(on)}" if on else ""
 
 
 def _warnings(counts: Counter[str], lobes: xr.Dataset) -> list[str]:

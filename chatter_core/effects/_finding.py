@@ -43,14 +43,19 @@ def effect_names(own: Path | None = None) -> tuple[str, ...]:
 def own_effects(folder: Path) -> tuple[str, ...]:
     """Return the names of the effects in a user's folder; none of its files is loaded.
 
-    Raises InvalidInput with every finding: no folder, a class without its yaml or a yaml without its class, a name
-    that the program's own effects have or that cannot be one.
+    Raises InvalidInput with every finding: no folder, one that cannot be read or holds no effect, a class without its
+    yaml or a yaml without its class, a name that the program's own effects have or that cannot be one.
 
     See docs/physics.md#effects.
     """
     if not folder.is_dir():
         raise InvalidInput([f"effects_path: {folder} is not a folder{near_path(folder)}"])
-    classes, values, taken = (_stems(folder, "py"), _stems(folder, "yaml"), _stems(FOLDER, "py"))
+    try:
+        classes, values, taken = (_stems(folder, "py"), _stems(folder, "yaml"), _stems(FOLDER, "py"))
+    except OSError as error:
+        raise InvalidInput([f"effects_path: {folder} cannot be read: {error.strerror}"]) from None
+    if not classes | values:
+        raise InvalidInput([f"effects_path: {folder} holds no effect, needed: a .py and a .yaml of the same name"])
     problems = [
         f"{folder / name}.py: {name}.yaml is missing beside it{_yml(folder, name)}" for name in sorted(classes - values)
     ]
@@ -107,7 +112,8 @@ def effect_class(name: str, own: Path | None = None) -> type[Effect]:
 
 
 def _stems(folder: Path, ending: str) -> set[str]:
-    return {file.stem for file in folder.glob(f"*.{ending}") if not file.stem.startswith("_")}
+    # A pattern would find nothing in a folder that cannot be read, and say nothing.
+    return {file.stem for file in folder.iterdir() if file.suffix == f".{ending}" and not file.stem.startswith("_")}
 
 
 def _only_class(name: str, module: ModuleType) -> type[Effect]:

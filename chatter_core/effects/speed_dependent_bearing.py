@@ -15,6 +15,7 @@ class SpeedDependentBearing(Effect):
     """The balls' inertia acts at the speed s n, in Jones's balance: s = 1 is the spindle's speed, s = 0 standstill.
 
     On a model whose bearings turn already (``modal_parameters`` dynamic) it changes nothing.
+    Valid while every ball touches both races and rolls without gross sliding, as Jones's balance takes it.
 
     Source: A. B. Jones, J. Basic Eng. 82 (1960) 309-320; docs/physics.md, [P].
 

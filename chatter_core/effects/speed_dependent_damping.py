@@ -17,7 +17,7 @@ class SpeedDependentDamping(Effect):
     """zeta(n) = zeta exp(a n/n_ref), n_ref = 10 000 rpm, the same for every mode, at most 0.9.
 
     Lubricant films and preload set the bearings' damping, and both change with speed; the law is the plainest
-    that keeps it positive.
+    that keeps it positive. No theory stands behind it: valid at the speeds that were measured.
 
     Source: E. Ozturk, U. Kumar, S. Turner, T. Schmitz, CIRP Ann. 61 (2012) 343-346 (damping of a spindle over
     speed and preload).

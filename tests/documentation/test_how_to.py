@@ -1,6 +1,7 @@
 """The how-to pages do what they say: their commands run as they stand, in order, and answer what stands below them."""
 
 import io
+import re
 import shutil
 import subprocess
 from contextlib import redirect_stderr, redirect_stdout
@@ -8,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from chatter_core.stages import ARROWS
+from chatter_core.units import SUFFIXES
 from pipeline import figures
 from pipeline.__main__ import main
 from tests.documentation.commands import HOW_TO, ROOT, Block, blocks, words_of
@@ -83,3 +86,10 @@ def test_lines_are_alike_up_to_the_last_digit_of_their_numbers():
     assert alike("0.1,2,8.4381332,11000", "0.1,2,8.4381331,11000")
     assert not alike("limit depths at this speed: 2.049 mm", "limit depths at this speed: 2.1 mm")
     assert not alike("0.1,2,8.4381332,11000", "0.1,4,8.4381332,11000")
+
+
+def test_the_page_on_own_effects_lists_every_arrow_and_every_unit_of_a_name():
+    page = (ROOT / "docs" / "how_to" / "own_effect.md").read_text()
+    assert re.findall(r"^\| .+? \| `(\w+)` \| `\(", page, re.MULTILINE) == list(ARROWS)
+    (units,) = re.findall(r"A name that ends in a unit.*?comes into `transform` in SI: (.*?)\.", page, re.DOTALL)
+    assert re.findall(r"`_(\w+)`", units) == list(SUFFIXES)

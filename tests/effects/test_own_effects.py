@@ -1,6 +1,8 @@
 """Effects of the user's own: the worked example of docs/ as it stands, and what is said where one is not right."""
 
+import errno
 import json
+import os
 import pickle
 import re
 import subprocess
@@ -118,6 +120,21 @@ def test_folders_that_are_not_right_are_told_everything_at_once(tmp_path: Path):
         "none.py: none is the answer where nothing is missing; give yours another name",
         "process_damping.py: the program has an effect of this name; give yours another",
     ]
+
+
+def test_folders_that_hold_no_effect_or_cannot_be_read_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A diagnosis that took them for empty would answer without the effects that were meant."""
+    (tmp_path / "_helper.py").write_text("")
+    with pytest.raises(InvalidInput, match=r"holds no effect, needed: a \.py and a \.yaml of the same name"):
+        effect_names(tmp_path)
+    # Whoever may do everything reads a folder that nobody may: its answer is stood in for.
+    monkeypatch.setattr(Path, "iterdir", lambda folder: _denied(folder))
+    with pytest.raises(InvalidInput, match=rf"effects_path: {EXAMPLE} cannot be read: Permission denied"):
+        own_effects(EXAMPLE)
+
+
+def _denied(folder: Path):
+    raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
 
 
 EXAMPLE_TEXT = (EXAMPLE / "loosening_clamp.py").read_text()

@@ -21,7 +21,7 @@ from chatter_core.evidence import Comparison, base_model, calibrate, read_campai
 from chatter_core.evidence.failures import failures
 from chatter_core.evidence.likelihood import balanced_error
 from chatter_core.evidence.measured import OUTCOMES
-from pipeline import comparison_figures, model_file
+from pipeline import comparison_figures, identify, model_file, predict
 from pipeline.__main__ import main
 from tests.documentation.answers import undocumented, undocumented_columns, unseen
 from tests.pipeline.browser import needs_chromium, opened
@@ -263,6 +263,17 @@ def test_predictions_are_not_written_over_what_was_read(tmp_path, capsys, down_m
     assert f"predictions: {tmp_path} is a folder" in refused(capsys, *words, f"predictions={tmp_path}")
     assert "allowed: a file name ending in .csv" in refused(capsys, *words, f"predictions={tmp_path / 'p.xlsx'}")
     assert f"predictions: {file} cannot be used as a folder" in refused(capsys, *words, f"predictions={file / 'x.csv'}")
+
+
+def test_places_that_cannot_be_written_are_told_before_anything_is_computed(tmp_path, capsys, monkeypatch):
+    file = plan(tmp_path, [[1, 3600, 1.0]])
+    for module, function, words in (
+        (predict, "predict_planned", ("predict", f"trials={file}", f"predictions={file / 'x.csv'}")),
+        (identify, "identify_tip", ("identify", f"output={file / 'x.yaml'}")),
+    ):
+        monkeypatch.setattr(module, function, lambda *_, **__: pytest.fail("was computed"))
+        said = refused(capsys, *words, f"campaign={CAMPAIGNS / 'd03'}")
+        assert f"{file} cannot be used as a folder" in said
 
 
 def test_predictions_take_the_place_of_earlier_ones_and_of_nothing_else(tmp_path, capsys):

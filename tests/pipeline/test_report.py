@@ -210,3 +210,14 @@ def test_which_modes_are_kept_is_said(lobes, study, selection, told):
     lines = read(Folder(study), Margins().said)
     lines.attributes["settings"]["grid"]["mode_selection"] = selection
     assert contrast(lines, lines).name_of(1) == f"static, 100 N, {told}"
+
+
+def test_pictures_and_page_name_the_effects_of_a_study(lobes):
+    (axes,) = figures.lobes_by_preload(lobes, 100.0).axes
+    without = axes.get_title("right")
+    lobes.attrs["settings"]["effects"] = {"tool_runout": {"runout_um": 5.0}, "process_damping": {}}
+    (axes,) = figures.lobes_by_preload(lobes, 100.0).axes
+    assert axes.get_title("right") == f"{without}, tool runout, process damping"
+    assert report._with_effects(lobes.attrs) == ", with tool runout and process damping"
+    del lobes.attrs["settings"]["effects"]
+    assert report._with_effects(lobes.attrs) == ""

@@ -12,6 +12,7 @@ from chatter_core.evidence.next_trial import NextTrial
 from chatter_core.evidence.nuisances import machine_nuisances
 from chatter_core.evidence.ranking import NOTHING, Ranked
 from chatter_core.evidence.scores import Score
+from pipeline import after_verdict
 from pipeline.diagnosis import Diagnosis, what_is_left
 from pipeline.diagnosis_document import (
     WORTH_ITS_COST,
@@ -88,6 +89,20 @@ def test_a_cut_is_asked_for_only_where_it_is_expected_to_tell_something(worth):
     assert [one["text"] for one in next_measurements_data(found)] == [
         "cut at 9000 rpm and 1 mm: 0.02 nats for 1 cut"
     ] * worth
+
+
+def test_a_cut_that_is_set_up_otherwise_is_proposed_only_where_it_tells_more():
+    def cut(gain):
+        return NextTrial(spindle_speed=RPM * 9000.0, axial_depth=1e-3, probability=(0.2, 0.7), expected_gain=gain)
+
+    cuts = [("cut", cut(1.0)), ("same feed", cut(1.0)), ("more feed", cut(1.5)), ("less", cut(0.5)), ("no", None)]
+    plain, measurements = after_verdict._next({after_verdict.CUTS: cuts, after_verdict.RESPONSES: [[]]})
+    assert plain is cuts[0][1]
+    assert [one.kind for one in measurements] == ["more feed", "cut"]
+    _, measurements = after_verdict._next(
+        {after_verdict.CUTS: [("cut", None), *cuts[1:]], after_verdict.RESPONSES: [[]]}
+    )
+    assert [one.kind for one in measurements] == ["more feed", "same feed", "less"]
 
 
 def ranked(name, gain):
