@@ -233,7 +233,8 @@ def measured_modes(tip: Tip, spindle_speed: Array, mode_count: int | None = None
     speeds = sorted({mode.spindle_speed or 0.0 for mode in tip.modes})
     most = most_modes(tip)
     if mode_count is not None and mode_count > most:
-        raise InvalidInput([f"mode_count: found {mode_count}, allowed at most {most}, as tip.modes lists of an axis"])
+        allowed = f"1 to {most}, as many as tip.modes lists of an axis"
+        raise InvalidInput([f"mode_count: found {mode_count}, allowed: {allowed}"])
     tables = []
     for axis, name in enumerate(AXES):
         at_speed = [

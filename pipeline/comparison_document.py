@@ -139,12 +139,9 @@ def origin(given: str | None, content: Content) -> list[str]:
     told = [] if given is None else [f"The model to begin with, as described, is that in {given}."]
     parts = ["bearings as at rest"] if content.base == "static_bearing" else []
     if content.modes is not None:
-        parts.append(f"{content.modes} mode{'' if content.modes == 1 else 's'} of each axis in the cut")
+        parts.append(f"{content.modes} mode{'' if content.modes == 1 else 's'} of each axis")
     parts += [name.replace("_", " ") for name in content.effects]
-    if parts:
-        named = f"{', '.join(parts[:-1])} and {parts[-1]}" if len(parts) > 1 else parts[0]
-        told.append(f"The model that was asked has {named}.")
-    return told
+    return [*told, f"The model that was asked has {', '.join(parts)}."] if parts else told
 
 
 def cautions(fit: Fit, what: str) -> list[str]:

@@ -67,10 +67,8 @@ def write(found: Assessment, campaign: str, given: str | None, content: Content,
 
     given: the file of the model, None for none; content: what the model is made of.
     """
-    written, measured = (
-        comparison_document.write(found, campaign, given, content, output),
-        found.comparison.model.campaign,
-    )
+    written = comparison_document.write(found, campaign, given, content, output)
+    measured = found.comparison.model.campaign
     pictures = comparison_figures.write(found, output / comparison_figures.FOLDER)
     page.write(
         output / PAGE,

@@ -58,13 +58,13 @@ class Diagnosis(ShownAsCard):
 
     base: the model as it was, calibrated; ranking: nothing missing and single effects; pairs: the one first that leads,
     none where none was tried; beside: the first, which suffices, with every effect that promised anything beside it,
-    None where that was not asked; powers: of every candidate; judged: the base model, those that are not ruled out and
-    the close pairs held against the campaign, by name, and left: what each of them fails in that counts; not_tried:
-    effects that cannot act on the machine, and why; held_out: scores on cuts held out, by name; next_trial: the cut
-    that would part the contenders; next_measurements: that one and others, what is most worth its cost first;
-    intervals: of the parameters of effects that are named, profiled; before_and_after: the base model and the best one
-    with their lobes, for pictures, None where nothing is missing; corrections: without a formula, where the verdict is
-    ``unexplained``. All after the verdict is found by ``pipeline.after_verdict``.
+    None where that was not asked; powers: of every candidate; judged: the base model, those that are not ruled out, the
+    close pairs and the better half of the one that leads held against the campaign, by name; left: what they fail in
+    that counts, but for that half; not_tried: effects that cannot act on the machine, and why; held_out: scores on cuts
+    held out, by name; next_trial: the cut that would part the contenders; next_measurements: that one and others, what
+    is most worth its cost first; intervals: of the parameters of effects that are named, profiled; before_and_after:
+    the base model and the best one with their lobes, for pictures, None where nothing is missing; corrections: without
+    a formula, where the verdict is ``unexplained``. All after the verdict is found by ``pipeline.after_verdict``.
     """
 
     content: Content
@@ -142,17 +142,20 @@ class Diagnosis(ShownAsCard):
         return content
 
     @property
-    def better_half(self) -> Hypothesis | None:
-        """Of a pair that is supported the effect that alone gains more; None where no pair is."""
+    def named_pair(self) -> Ranked | None:
+        """The pair that leads where its effects are named; else None."""
         pair = self.leading_pair
-        if pair is None or self.supported is not pair.best:
-            return None
-        return max((one for one in self.ranking if one.name in pair.best.names), key=lambda one: one.gain).best
+        return pair if pair is not None and self.supported is pair.best else None
+
+    @property
+    def better_half(self) -> Hypothesis | None:
+        """Of a pair that is named the effect that alone gains more; None without one, or if it does nothing alone."""
+        half = None if self.named_pair is None else better_half(self.ranking, self.named_pair)
+        return half if half is not None and half.moved else None
 
     def version(self, hypothesis: Hypothesis) -> Version:
-        """Return a hypothesis as it is held against the campaign."""
-        known = self.judged.get(name_of(hypothesis))
-        return _judged(hypothesis) if known is None else known
+        """Return a hypothesis that was judged as it was held against the campaign."""
+        return self.judged[name_of(hypothesis)]
 
 
 def check_enough(model: CampaignModel) -> None:
@@ -294,8 +297,8 @@ def with_arrived_pair(
 
     decided: decides again, by pairs of which one has risen.
     """
-    pair = diagnosis.leading_pair
-    if pair is None or diagnosis.supported is not pair.best:
+    pair = diagnosis.named_pair
+    if pair is None:
         return diagnosis
     named, limits = profiled(workers, pair.best)
     if named is not pair.best:
@@ -342,6 +345,7 @@ class _Judge:
         first, pairs = found.ranking[0], list(tried)
         fails = bool(failed_checks(self._left([first.best])[first.name]))
         beside: list[Hypothesis] | None = None
+        pair: Ranked | None = None
         if not pairs and (fails or (seconds and is_sure(found.ranking))):
             pairs, fitted = pairs_of(self._workers, found.base, self._candidates, found.ranking, suffices=not fails)
             beside = None if fails else fitted
@@ -355,6 +359,7 @@ class _Judge:
             beside = None
         told_of = [base, *(one.best for one in [*not_ruled_out(ranking), *close_pairs(pairs)] if one.best is not base)]
         left, powers = self._left(told_of), self._power(base)
+        halves = [] if pair is None else [better_half(ranking, pair)]
         return Diagnosis(
             content=self._content,
             base=base,
@@ -362,11 +367,16 @@ class _Judge:
             pairs=pairs,
             beside=beside,
             powers=powers,
-            judged=self._versions(told_of),
+            judged=self._versions([*told_of, *halves]),
             left=left,
             not_tried=not_tried(base.comparison.model, self._content),
             verdict=decide(ranking, pairs, powers, left),
         )
+
+
+def better_half(ranking: Sequence[Ranked], pair: Ranked) -> Hypothesis:
+    """Return of the effects of a pair the one that alone gains more."""
+    return max((one for one in ranking if one.name in pair.best.names), key=lambda one: one.gain).best
 
 
 def _judged(hypothesis: Hypothesis) -> Version:

@@ -40,7 +40,7 @@ def write(found: Diagnosis, folder: Path) -> list[Path]:
 
 
 def ranking(found: Diagnosis) -> Figure:
-    """Draw the probability and the evidence of every effect."""
+    """Draw the probability and the evidence of every effect, and the evidence of the pairs that lead."""
     shown = [*found.ranking, *found.pairs[:PAIRS_DRAWN]]
     names = [one.name.replace("_", " ") if one.name != NOTHING else "nothing missing" for one in shown]
     figure = Figure(figsize=(10.0, 1.4 + 0.32 * len(shown)), layout="constrained")
@@ -81,16 +81,18 @@ def power(found: Diagnosis) -> Figure:
     together = np.array([max(one.nats, 0.0) for one in powers])
     axes.barh(rows, together, height=TOGETHER, color="0.85", label="together")
     # On such an axis a bar shows what it is worth only where it begins at nothing, so they do not stand on each other.
-    height = WITHIN / max(len(quantities), 1)
+    height, reach = WITHIN / max(len(quantities), 1), float(together.max(initial=LEAST_REACH))
     for number, (colour, quantity) in enumerate(zip(COLOURS, quantities, strict=False)):
         place = rows + 0.5 * WITHIN - (number + 0.5) * height
         share = [max(one.by_quantity.get(quantity, 0.0), 0.0) for one in powers]
         axes.barh(place, share, height=height, color=colour, label=quantity.replace("_", " "))
+        # One may be more than all together: others may speak against the effect.
+        reach = max(reach, *share)
     axes.axvline(ENOUGH, color="black", linestyle="--", linewidth=1.0)
     axes.set_yticks(rows, [str(one.candidate).replace("_", " ") for one in powers], fontsize="small")
     axes.set_ylim(-0.7, len(rows) - 0.3)
     _scale_by_nats(axes)
-    axes.set_xlim(0.0, max(LEAST_REACH, float(together.max(initial=0.0)) * 1.3))
+    axes.set_xlim(0.0, 1.3 * reach)
     axes.set_xlabel("log-likelihood that nothing else could make up for [nats]; dashed: needed to be seen")
     axes.set_title("What these measurements could have shown", loc="left", fontweight="bold")
     axes.legend(frameon=False, loc="lower right")

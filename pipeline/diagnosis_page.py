@@ -97,9 +97,8 @@ def not_tried(found: Diagnosis) -> str:
 def power_lines(found: Diagnosis) -> list[str]:
     """Return as text what the measurements could have shown, the most first."""
     told = [f"Of usual size an effect would have left so many nats in these measurements; {ENOUGH:g} are seen:"]
-    for one in sorted(found.powers, key=lambda one: -one.nats):
-        told.append(f"  {one.candidate!s:<50}{one.nats:.1f}")
-    return told
+    powers = sorted(found.powers, key=lambda one: -one.nats)
+    return told + [f"  {max(one.nats, 0.0):>8.1f}  {one.candidate}" for one in powers]
 
 
 def summary(found: Diagnosis) -> str:

@@ -22,7 +22,7 @@ from pipeline.answer_folder import refuse_other_file, write_text
 from pipeline.campaigns import remarks
 from pipeline.configuration import Words, compose_settings, words_for
 from pipeline.errors import told_where
-from pipeline.locking import make_folder
+from pipeline.locking import check_folder, make_folder
 from pipeline.telling import fact, remark, say, wrote
 from pipeline.verbs.campaigns import IdentifyOptions
 
@@ -48,7 +48,7 @@ def run(words: list[str]) -> int:
     if odd:
         say("")
     receptances = [_within(options, receptance) for receptance in measured.receptances if receptance.is_direct]
-    make_folder(options.output.parent)
+    check_folder(options.output.parent)
     try:
         found = identify_tip(receptances, mode_count=options.modes)
     except InvalidInput as error:
@@ -57,6 +57,7 @@ def run(words: list[str]) -> int:
         raise InvalidInput([f"{source}: {problem}" for problem in problems]) from None
     except (np.linalg.LinAlgError, MemoryError) as error:
         raise InvalidInput([f"{source}: no modes can be found in these receptances: {error}"]) from None
+    make_folder(options.output.parent)
     with told_where(options.output):
         write_text(options.output, machine_file(found, rest, source.resolve().name))
         pictures = identify_figure.write(found, options.output)

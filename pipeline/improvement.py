@@ -31,9 +31,9 @@ class Improvement:
 
     diagnoses: in turn; final: the hypothesis in the end, and content: what it is made of; added: names of the effects
     that it has more than in the beginning; history: a row for each version of the model, where a pair is added one for
-    its better half first; before_and_after: the base
-    model calibrated and the final one with their lobes, for pictures; where nothing was added, the best of the first
-    diagnosis takes its place, and None is there where that is the base model.
+    its better half first; before_and_after: the base model calibrated and the final one with their lobes, for pictures;
+    where nothing was added, the best of the first diagnosis takes its place, and None is there where that is the base
+    model.
     """
 
     diagnoses: list[Diagnosis]
@@ -83,8 +83,7 @@ def improve(workers: Workers | None, asked: Asked) -> Improvement:
         if best is found.base or len(diagnoses) > MOST_STEPS:
             break
         if (half := found.better_half) is not None:
-            so_far = " + ".join([*content.effects, half.name])
-            rows.append(_row(so_far, found.version(half), found.held_out.get(half.name, {})))
+            rows.append(_row(half_of(found, half), found.version(half), found.held_out.get(half.name, {})))
         content = found.supported_content
         rows.append(_row(" + ".join(content.effects), found.version(best), found.held_out.get(best.name, {})))
         model, known = model_of(model.campaign, content), best.fit
@@ -108,6 +107,13 @@ def _before_and_after(workers: Workers | None, diagnoses: list[Diagnosis], added
         return with_pictures(workers, first).before_and_after
     final = replace(last.version(last.base), title=f"With {' + '.join(added).replace('_', ' ')}")
     return side_by_side(workers, (first.base, first.version(first.base)), (last.base, final))
+
+
+def half_of(found: Diagnosis, half: Hypothesis) -> str:
+    """Return how the row of one half of a pair is called: by its effects, and the variant if the pair has another."""
+    (candidate,) = half.candidates
+    of_the_pair = {str(one) for one in found.supported.candidates}
+    return " + ".join([*found.content.effects, half.name if str(candidate) in of_the_pair else str(candidate)])
 
 
 def row_as_described(model: CampaignModel, belief: Belief, *, unseen: bool) -> dict[str, Any]:

@@ -23,6 +23,16 @@ NO_LOCKS = {errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK}
 HOLDER, HELD_BY = "lock.json", ("pid", "host", "since")
 
 
+def check_folder(output: Path, named: str = "output") -> None:
+    """Raise InvalidInput when a folder for results cannot be made, and make none; named: as for ``make_folder``."""
+    with suppress(OSError):
+        nearest = next(one for one in (output.absolute(), *output.absolute().parents) if one.exists())
+        if not nearest.is_dir():
+            raise InvalidInput([f"{named}: {str(output)[:200]} cannot be used as a folder: {nearest} is none"])
+        if not os.access(nearest, os.W_OK | os.X_OK):
+            raise InvalidInput([f"{named}: {nearest} cannot be written: Permission denied"])
+
+
 def make_folder(output: Path, named: str = "output") -> None:
     """Make a folder for results; raise InvalidInput when it cannot be one. named: by which word people named it."""
     try:

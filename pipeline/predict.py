@@ -16,7 +16,7 @@ from pipeline.answer_folder import refuse_other_file, write_text
 from pipeline.campaigns import model_of, options_of, read
 from pipeline.configuration import words_for
 from pipeline.errors import told_where
-from pipeline.locking import make_folder
+from pipeline.locking import check_folder, make_folder
 from pipeline.telling import complain, fact, remark, say, wrote
 from pipeline.verbs.campaigns import PredictOptions
 
@@ -43,8 +43,9 @@ def run(words: list[str]) -> int:
         for line in unused_preloads(printable(options.trials.name), trials.preload, campaign.machine):
             remark(f"remark: {line}")
         model = model_of(planned_campaign(campaign, trials), asked.content)
-        make_folder(options.predictions.parent, "predictions")
+        check_folder(options.predictions.parent, "predictions")
         found = predict_planned(model, asked.belief)
+    make_folder(options.predictions.parent, "predictions")
     text = table(trials, found).iloc[order].to_csv(index=False, float_format="%.8g")
     with told_where(options.predictions, "predictions"):
         write_text(options.predictions, text)

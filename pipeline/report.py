@@ -138,7 +138,7 @@ def _page(
 
 def _with_effects(attributes: Mapping[str, Any]) -> str:
     on = figures.effects_on(attributes)
-    return f", with {' and '.join(on)}" if on else ""
+    return f", with {', '.join(on)}" if on else ""
 
 
 def _warnings(counts: Counter[str], lobes: xr.Dataset) -> list[str]:

@@ -48,12 +48,16 @@ def own_effects(folder: Path) -> tuple[str, ...]:
 
     See docs/physics.md#effects.
     """
+    try:
+        return _own_effects(folder)
+    except OSError as error:
+        raise InvalidInput([f"effects_path: {error.filename or folder} cannot be read: {error.strerror}"]) from None
+
+
+def _own_effects(folder: Path) -> tuple[str, ...]:
     if not folder.is_dir():
         raise InvalidInput([f"effects_path: {folder} is not a folder{near_path(folder)}"])
-    try:
-        classes, values, taken = (_stems(folder, "py"), _stems(folder, "yaml"), _stems(FOLDER, "py"))
-    except OSError as error:
-        raise InvalidInput([f"effects_path: {folder} cannot be read: {error.strerror}"]) from None
+    classes, values, taken = (_stems(folder, "py"), _stems(folder, "yaml"), _stems(FOLDER, "py"))
     if not classes | values:
         raise InvalidInput([f"effects_path: {folder} holds no effect, needed: a .py and a .yaml of the same name"])
     problems = [

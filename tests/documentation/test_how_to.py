@@ -1,15 +1,17 @@
 """The how-to pages do what they say: their commands run as they stand, in order, and answer what stands below them."""
 
+import inspect
 import io
 import re
 import shutil
 import subprocess
 from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
-from chatter_core.stages import ARROWS
+from chatter_core.stages import ARROWS, Stages
 from chatter_core.units import SUFFIXES
 from pipeline import figures
 from pipeline.__main__ import main
@@ -90,6 +92,8 @@ def test_lines_are_alike_up_to_the_last_digit_of_their_numbers():
 
 def test_the_page_on_own_effects_lists_every_arrow_and_every_unit_of_a_name():
     page = (ROOT / "docs" / "how_to" / "own_effect.md").read_text()
-    assert re.findall(r"^\| .+? \| `(\w+)` \| `\(", page, re.MULTILINE) == list(ARROWS)
-    (units,) = re.findall(r"A name that ends in a unit.*?comes into `transform` in SI: (.*?)\.", page, re.DOTALL)
-    assert re.findall(r"`_(\w+)`", units) == list(SUFFIXES)
+    arrows = re.findall(r"^\| .+? \| `(\w+)` \| `\((.+?)\)` -> ", page, re.MULTILINE)
+    base = {field.name: field.default for field in fields(Stages) if field.name in ARROWS}
+    assert arrows == [(name, ", ".join(inspect.signature(arrow).parameters)) for name, arrow in base.items()]
+    units = re.findall(r"^\| `_(\w+)` \| `(.+?)`", page, re.MULTILINE)
+    assert units == [(suffix, unit) for suffix, (_, unit) in SUFFIXES.items()]

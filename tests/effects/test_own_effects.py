@@ -128,7 +128,7 @@ def test_folders_that_hold_no_effect_or_cannot_be_read_are_told(tmp_path: Path, 
     with pytest.raises(InvalidInput, match=r"holds no effect, needed: a \.py and a \.yaml of the same name"):
         effect_names(tmp_path)
     # Whoever may do everything reads a folder that nobody may: its answer is stood in for.
-    monkeypatch.setattr(Path, "iterdir", lambda folder: _denied(folder))
+    monkeypatch.setattr(Path, "iterdir", _denied)
     with pytest.raises(InvalidInput, match=rf"effects_path: {EXAMPLE} cannot be read: Permission denied"):
         own_effects(EXAMPLE)
 

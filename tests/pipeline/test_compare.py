@@ -23,6 +23,7 @@ from chatter_core.evidence.likelihood import balanced_error
 from chatter_core.evidence.measured import OUTCOMES
 from pipeline import comparison_figures, identify, model_file, predict
 from pipeline.__main__ import main
+from pipeline.locking import check_folder
 from tests.documentation.answers import undocumented, undocumented_columns, unseen
 from tests.pipeline.browser import needs_chromium, opened
 from tests.synthetic import campaign, tip_machine, trials
@@ -274,6 +275,11 @@ def test_places_that_cannot_be_written_are_told_before_anything_is_computed(tmp_
         monkeypatch.setattr(module, function, lambda *_, **__: pytest.fail("was computed"))
         said = refused(capsys, *words, f"campaign={CAMPAIGNS / 'd03'}")
         assert f"{file} cannot be used as a folder" in said
+
+
+def test_a_place_that_is_looked_at_is_not_made(tmp_path):
+    check_folder(tmp_path / "new" / "deep")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_predictions_take_the_place_of_earlier_ones_and_of_nothing_else(tmp_path, capsys):

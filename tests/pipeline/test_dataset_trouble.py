@@ -163,7 +163,7 @@ def test_more_modes_than_were_measured_are_told_before_anything_is_computed(tmp_
     )
     words = ["dataset", "study=parameter_study", f"machine={machine}", "vary.tip.modes[0].stiffness_n_um=[1, 2]"]
     assert main([*words, f"output={tmp_path / 'new'}"]) == 2
-    assert "design.mode_count: found 4, allowed at most 1, as tip.modes lists of an axis" in capsys.readouterr().err
+    assert "design.mode_count: found 4, allowed: 1 to 1, as many as tip.modes lists of" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
 
 

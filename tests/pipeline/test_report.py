@@ -218,6 +218,6 @@ def test_pictures_and_page_name_the_effects_of_a_study(lobes):
     lobes.attrs["settings"]["effects"] = {"tool_runout": {"runout_um": 5.0}, "process_damping": {}}
     (axes,) = figures.lobes_by_preload(lobes, 100.0).axes
     assert axes.get_title("right") == f"{without}, tool runout, process damping"
-    assert report._with_effects(lobes.attrs) == ", with tool runout and process damping"
+    assert report._with_effects(lobes.attrs) == ", with tool runout, process damping"
     del lobes.attrs["settings"]["effects"]
     assert report._with_effects(lobes.attrs) == ""

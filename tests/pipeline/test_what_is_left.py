@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from chatter_core.effects import variants
+from chatter_core.evidence.candidates import Candidate
 from chatter_core.evidence.failures import Failure
 from chatter_core.evidence.next_measurement import of_cut
 from chatter_core.evidence.next_trial import NextTrial
 from chatter_core.evidence.nuisances import machine_nuisances
 from chatter_core.evidence.ranking import NOTHING, Ranked
 from chatter_core.evidence.scores import Score
-from pipeline import after_verdict
+from chatter_core.evidence.verdict import Verdict
+from pipeline import after_verdict, diagnosis
 from pipeline.diagnosis import Diagnosis, what_is_left
 from pipeline.diagnosis_document import (
     WORTH_ITS_COST,
@@ -22,6 +24,8 @@ from pipeline.diagnosis_document import (
     unsettled,
 )
 from pipeline.diagnosis_page import ranking_rows, summary
+from pipeline.improvement import half_of
+from pipeline.model_file import Content
 from tests.synthetic import RPM, tip_machine
 
 
@@ -95,7 +99,7 @@ def test_a_cut_that_is_set_up_otherwise_is_proposed_only_where_it_tells_more():
     def cut(gain):
         return NextTrial(spindle_speed=RPM * 9000.0, axial_depth=1e-3, probability=(0.2, 0.7), expected_gain=gain)
 
-    cuts = [("cut", cut(1.0)), ("same feed", cut(1.0)), ("more feed", cut(1.5)), ("less", cut(0.5)), ("no", None)]
+    cuts = [("cut", cut(1.0)), ("same feed", cut(1.04)), ("more feed", cut(1.5)), ("less", cut(0.5)), ("no", None)]
     plain, measurements = after_verdict._next({after_verdict.CUTS: cuts, after_verdict.RESPONSES: [[]]})
     assert plain is cuts[0][1]
     assert [one.kind for one in measurements] == ["more feed", "cut"]
@@ -103,6 +107,46 @@ def test_a_cut_that_is_set_up_otherwise_is_proposed_only_where_it_tells_more():
         {after_verdict.CUTS: [("cut", None), *cuts[1:]], after_verdict.RESPONSES: [[]]}
     )
     assert [one.kind for one in measurements] == ["more feed", "same feed", "less"]
+
+
+def half(name, *, variant="", moved=True):
+    """One effect of a pair, alone."""
+    candidate = Candidate(
+        name=name, settings={"axis": variant} if variant else {}, term=None, shapes=(), place=(0, 0, name)
+    )
+    return SimpleNamespace(name=name, names=(name,), candidates=(candidate,), moved=moved)
+
+
+def with_a_pair(kind="effect", *, leads=True, **halves):
+    """A diagnosis that has tried a and b together; of which kind, whether the pair leads, and what is known of a."""
+    a, b, base = half("a", **halves), half("b"), SimpleNamespace(name="", names=())
+    both = SimpleNamespace(
+        name="a + b", names=("a", "b"), candidates=(*half("a", variant="x").candidates, *b.candidates)
+    )
+    gains = {NOTHING: (0.0, base), "b": (5.0, b), "a": (9.0, a), "c": (20.0, half("c"))}
+    ranking = [Ranked(name=name, probability=0.2, gain=gain, best=best) for name, (gain, best) in gains.items()]
+    pair = Ranked(name="a + b", probability=0.0, gain=40.0, best=both)
+    empty = dict.fromkeys(("powers", "beside"), None) | {"judged": {}, "left": {}, "not_tried": {}}
+    verdict = Verdict(kind=kind, missing=("a", "b") if kind == "effect" else (), text="")
+    found = Diagnosis(
+        content=Content(effects={"d": {}}), base=base, ranking=ranking, pairs=[pair], verdict=verdict, **empty
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(diagnosis, "leading_pair", lambda *_: pair if leads else None)
+        told = [one.name for one in after_verdict._told_of_others(found)]
+        return found.better_half, told, half_of(found, a) if kind == "effect" and leads else ""
+
+
+def test_of_a_pair_that_is_named_the_better_half_is_told_first():
+    better, told, called = with_a_pair(variant="x")
+    assert (better.name, told) == ("a", ["", "a", "a + b"])
+    assert called == "d + a"
+    assert with_a_pair(variant="y")[-1] == "d + a (axis y)"
+    # What does nothing alone is the base model by another name.
+    better, told, _ = with_a_pair(moved=False)
+    assert (better, told) == (None, ["", "a + b"])
+    for kind, leads in (("unexplained", True), ("none", True), ("effect", False)):
+        assert with_a_pair(kind, leads=leads)[0] is None
 
 
 def ranked(name, gain):

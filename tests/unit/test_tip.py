@@ -67,5 +67,5 @@ def test_axes_may_have_unequal_numbers_of_modes():
 
 def test_more_modes_than_measured_are_refused():
     tip = Tip.model_validate({"modes": [mode("x", 500.0), mode("x", 900.0)]})
-    with pytest.raises(InvalidInput, match=r"mode_count: found 3, allowed at most 2, as tip\.modes lists of an axis"):
+    with pytest.raises(InvalidInput, match=r"mode_count: found 3, allowed: 1 to 2, as many as tip\.modes lists"):
         measured_modes(tip, np.array([100.0]), 3)
