@@ -58,13 +58,14 @@ class Diagnosis(ShownAsCard):
 
     base: the model as it was, calibrated; ranking: nothing missing and single effects; pairs: the one first that leads,
     none where none was tried; beside: the first, which suffices, with every effect that promised anything beside it,
-    None where that was not asked; powers: of every candidate; judged: the base model, those that are not ruled out, the
-    close pairs and the better half of the one that leads held against the campaign, by name; left: what they fail in
-    that counts, but for that half; not_tried: effects that cannot act on the machine, and why; held_out: scores on cuts
-    held out, by name; next_trial: the cut that would part the contenders; next_measurements: that one and others, what
-    is most worth its cost first; intervals: of the parameters of effects that are named, profiled; before_and_after:
-    the base model and the best one with their lobes, for pictures, None where nothing is missing; corrections: without
-    a formula, where the verdict is ``unexplained``. All after the verdict is found by ``pipeline.after_verdict``.
+    None where that was not asked; powers: of every candidate, the most first; judged: the base model, those that are
+    not ruled out, the close pairs and the better half of the one that leads held against the campaign, by name; left:
+    what they fail in that counts, but for that half; not_tried: effects that cannot act on the machine, and why;
+    held_out: scores on cuts held out, by name; next_trial: the cut that would part the contenders; next_measurements:
+    that one and others, what is most worth its cost first; intervals: of the parameters of effects that are named,
+    profiled; before_and_after: the base model and the best one with their lobes, for pictures, None where nothing is
+    missing; corrections: without a formula, where the verdict is ``unexplained``. All after the verdict is found by
+    ``pipeline.after_verdict``.
     """
 
     content: Content
@@ -391,8 +392,10 @@ def what_is_left(hypothesis: Hypothesis, judged: Version) -> list[Failure]:
 
 
 def _powers(workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate]) -> list[Power]:
+    """Return what each candidate would have left in the campaign, the most first."""
     slope = slope_of(base)
-    return spread(workers, [Job(name=f"power for {one}", call=partial(power, base, one, slope)) for one in candidates])
+    jobs = [Job(name=f"power for {one}", call=partial(power, base, one, slope)) for one in candidates]
+    return sorted(spread(workers, jobs), key=lambda one: -one.nats)
 
 
 def name_of(hypothesis: Hypothesis) -> str:

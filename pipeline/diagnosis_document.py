@@ -195,7 +195,7 @@ def measurement_data(one: NextMeasurement) -> dict[str, Any]:
 def power_table(found: Diagnosis) -> pd.DataFrame:
     """Return what each candidate of usual size would have left in the campaign, by kind of measurement."""
     rows = []
-    for power in sorted(found.powers, key=lambda one: -one.nats):
+    for power in found.powers:
         sizes = [f"{p.searched_at(USUAL):.4g} {p.unit}".strip() for p in power.candidate.amplitudes]
         rows.append(
             {

@@ -73,7 +73,7 @@ def ranking(found: Diagnosis) -> Figure:
 
 def power(found: Diagnosis) -> Figure:
     """Draw what each effect of usual size would have left in the campaign, by kind of measurement."""
-    powers = sorted(found.powers, key=lambda one: one.nats)
+    powers = found.powers[::-1]
     quantities = sorted({name for one in powers for name in one.by_quantity})
     figure = Figure(figsize=(10.0, 1.6 + 0.36 * len(powers)), layout="constrained")
     axes = figure.subplots()

@@ -95,10 +95,9 @@ def not_tried(found: Diagnosis) -> str:
 
 
 def power_lines(found: Diagnosis) -> list[str]:
-    """Return as text what the measurements could have shown, the most first."""
+    """Return as text what the measurements could have shown."""
     told = [f"Of usual size an effect would have left so many nats in these measurements; {ENOUGH:g} are seen:"]
-    powers = sorted(found.powers, key=lambda one: -one.nats)
-    return told + [f"  {max(one.nats, 0.0):>8.1f}  {one.candidate}" for one in powers]
+    return told + [f"  {max(one.nats, 0.0):>8.1f}  {one.candidate}" for one in found.powers]
 
 
 def summary(found: Diagnosis) -> str:

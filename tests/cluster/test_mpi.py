@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from chatter_core.variables import STATUS
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED
 from tests.pipeline.studies import CHUNKS, PATIENCE, ROOT, ended, journal, lobes, sweep, sweep_process
 

@@ -18,8 +18,8 @@ from distributed.security import Security
 
 from chatter_core.variables import STATUS
 from pipeline import queue_jobs
-from pipeline.__main__ import main
 from pipeline.cluster import WORKER_ENVIRONMENT
+from pipeline.command_line import main
 from pipeline.configuration import compose_settings, sort_words
 from tests.cluster import standin_pbs
 from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED, GATE

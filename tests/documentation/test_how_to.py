@@ -14,7 +14,7 @@ import pytest
 from chatter_core.stages import ARROWS, Stages
 from chatter_core.units import SUFFIXES
 from pipeline import figures
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from tests.documentation.commands import HOW_TO, ROOT, Block, blocks, words_of
 
 #: Commands that have workers of their own: here they stay in this process, which changes no answer.

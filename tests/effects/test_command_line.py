@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from pipeline import campaigns
-from pipeline.__main__ import main
 from pipeline.campaigns import Asked, options_of
+from pipeline.command_line import main
 from pipeline.configuration import compose_settings, words_for
 from pipeline.verbs.campaigns import CompareOptions
 from pipeline.verbs.studies import SweepOptions

@@ -17,7 +17,7 @@ from chatter_core.effects import activate, apply_effects, effect_class, effect_n
 from chatter_core.errors import InvalidInput
 from chatter_core.machine import Machine
 from chatter_core.stages import Stages
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from tests.pipeline.studies import WORDS
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "own_effects"

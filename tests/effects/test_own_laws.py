@@ -19,7 +19,7 @@ from chatter_core.machine import Machine
 from chatter_core.parameters import Parameter
 from chatter_core.stability import critical_multipliers
 from chatter_core.variables import STATUS
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.kinds.lobes import _guarded
 from tests.pipeline.studies import WORDS
 from tests.synthetic import campaign, tip_machine

@@ -14,7 +14,7 @@ from chatter_core.evidence.boundary import sure_field
 from chatter_core.evidence.measured import OUTCOMES, NaturalFrequencies
 from chatter_core.evidence.nuisances import SENSOR
 from chatter_core.variables import STATUS
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from tests.effects.test_own_laws import write
 from tests.synthetic import RPM, campaign, receptance, tip_machine, trials
 

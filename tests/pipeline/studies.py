@@ -72,7 +72,7 @@ def sweep_process(
         "if __name__ == '__main__':\n"
         "    import sys\n"
         "    from pipeline import sweep\n"
-        "    from pipeline.__main__ import main\n"
+        "    from pipeline.command_line import main\n"
         "    from tests.pipeline.studies import run\n"
         f"    sweep.run = lambda words: run(words, kernel='{kernel}')\n"
         "    sys.exit(main(['sweep', *sys.argv[1:]]))\n"

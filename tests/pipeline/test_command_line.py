@@ -12,7 +12,7 @@ import yaml
 from chatter_core import chain
 from chatter_core.contact import forced_contact
 from pipeline import point
-from pipeline.__main__ import main
+from pipeline.command_line import main
 
 POINT = ["point", "spindle_speed_rpm=12000", "axial_depth_mm=1"]
 

@@ -22,7 +22,7 @@ from chatter_core.evidence.failures import failures
 from chatter_core.evidence.likelihood import balanced_error
 from chatter_core.evidence.measured import OUTCOMES
 from pipeline import comparison_figures, identify, model_file, predict
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.locking import check_folder
 from tests.documentation.answers import undocumented, undocumented_columns, unseen
 from tests.pipeline.browser import needs_chromium, opened

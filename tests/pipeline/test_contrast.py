@@ -9,7 +9,7 @@ import xarray as xr
 
 from chatter_core.errors import InvalidInput
 from pipeline import dataset, store
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.contrast.contrasted import TOLD, changed_shares, changes, contrast
 from pipeline.contrast.findings import findings, warnings
 from pipeline.contrast.lines import BEST, Lines, read

@@ -9,7 +9,7 @@ from chatter_core.evidence import Comparison, base_model, calibrate
 from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.verdict import Verdict
 from pipeline import diagnosis
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.corrections import correct, data, figure
 from tests.documentation.answers import undocumented, unseen
 from tests.synthetic import RPM, campaign, measured, tip_machine, trials

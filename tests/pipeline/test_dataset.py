@@ -16,7 +16,7 @@ from chatter_core.lobes import lobe_block
 from chatter_core.units import SUFFIXES
 from chatter_core.variables import CUT_STATUS, DATASET, DATASET_INPUTS, STATUS, STRUCTURE
 from pipeline import dataset, store
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.configuration import compose_settings, sort_words
 from pipeline.design import DatasetSettings
 from pipeline.kinds import Dataset

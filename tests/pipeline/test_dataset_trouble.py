@@ -14,7 +14,7 @@ import xarray as xr
 
 from chatter_core.variables import STATUS
 from pipeline import dataset, store
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.errors import StorageFailed
 from pipeline.kinds import Dataset
 from pipeline.places import DATASET as STORE
@@ -69,7 +69,7 @@ def reference(tmp_path_factory):
 def test_an_interrupted_data_set_goes_on_to_the_same_numbers(tmp_path, reference):
     script = (
         "import sys\n"
-        "from pipeline.__main__ import main\n"
+        "from pipeline.command_line import main\n"
         "from pipeline.kinds import Dataset\n"
         "Dataset.kernel = 'tests.pipeline.test_dataset_trouble:gated'\n"
         "sys.exit(main(['dataset', *sys.argv[1:]]))\n"

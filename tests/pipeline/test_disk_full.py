@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from pipeline import report
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.errors import StorageFailed
 from tests.pipeline.studies import CHUNKS, ROOT, journal, lobes, sweep
 

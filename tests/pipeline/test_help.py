@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pipeline import shipped
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.configuration import sort_words
 from pipeline.dataset import own_words
 from pipeline.usage import HEAD
@@ -83,7 +83,7 @@ def test_versions_are_told_of_what_numbers_depend_on(capsys):
 def test_help_and_completion_load_nothing_that_computes(words):
     # What a key stroke waits for is told by what is loaded, and not by a clock.
     script = (
-        f"import sys, json; from pipeline.__main__ import main; main({words!r}); "
+        f"import sys, json; from pipeline.command_line import main; main({words!r}); "
         "print(json.dumps(sorted(sys.modules)), file=sys.stderr)"
     )
     ended = subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=True, capture_output=True, text=True)

@@ -12,7 +12,7 @@ import yaml
 
 from chatter_core.evidence import read_campaign
 from chatter_core.evidence.measured import RECEPTANCE
-from pipeline.__main__ import main
+from pipeline.command_line import main
 
 MODES = {"x": ((700.0, 0.02, 3e7), (1900.0, 0.04, 8e6)), "y": ((720.0, 0.02, 3e7), (1850.0, 0.04, 9e6))}
 HEAD = [column.key for column in RECEPTANCE.columns if not column.optional]

@@ -17,9 +17,9 @@ import xarray as xr
 
 from chatter_core.variables import STATUS
 from pipeline import cluster, store
-from pipeline.__main__ import main
 from pipeline.chunks import Chunk
 from pipeline.cluster import Workers
+from pipeline.command_line import main
 from pipeline.errors import WorkersLost
 from pipeline.stopping import SIGNALS, heard, signals
 from tests.pipeline.standins import BAD_PRELOAD, BAD_SPEED, GATE

@@ -2,7 +2,7 @@
 
 import json
 
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.journal import FILE, Journal, read, sentences
 from tests.pipeline.studies import sweep
 

@@ -11,8 +11,8 @@ import pytest
 import yaml
 
 from chatter_core.errors import InvalidInput
-from pipeline.__main__ import Terminated, main
 from pipeline.answer_folder import write_whole
+from pipeline.command_line import Terminated, main
 from pipeline.judging import DOCUMENTS
 from pipeline.locking import locked
 

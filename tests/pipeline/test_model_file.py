@@ -10,8 +10,8 @@ from chatter_core.errors import InvalidInput
 from chatter_core.evidence import base_model
 from chatter_core.evidence.parameters import column
 from pipeline import model_file
-from pipeline.__main__ import main
 from pipeline.campaigns import model_of
+from pipeline.command_line import main
 from tests.synthetic import campaign, tip_machine, trials
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pipeline.__main__ import main
+from pipeline.command_line import main
 
 ROOT = Path(__file__).parents[2]
 OWN = f"effects_path={ROOT / 'docs' / 'examples' / 'own_effects'}"

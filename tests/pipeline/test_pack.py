@@ -8,8 +8,8 @@ import xarray as xr
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import SWEEP
 from pipeline import execution, metadata, report, status, store, verify
-from pipeline.__main__ import main
 from pipeline.chunks import Chunk
+from pipeline.command_line import main
 from pipeline.pack import SHARD_BYTES, pack, shard_shape
 from pipeline.places import Folder
 from pipeline.places.folder import PACKING, UNPACKED

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.configuration import compose_settings, groups, sort_words
 from pipeline.design import DatasetSettings
 
@@ -63,7 +63,7 @@ def _vary(level, data):
 
 
 def test_makefile_has_a_target_for_every_verb():
-    from pipeline.__main__ import VERBS
+    from pipeline.command_line import VERBS
 
     makefile = (ROOT / "Makefile").read_text()
     for verb in VERBS:

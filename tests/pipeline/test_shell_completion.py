@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.completion import proposals
 from pipeline.verbs import VERBS
 

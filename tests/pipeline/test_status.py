@@ -12,7 +12,7 @@ import pytest
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import STATUS
 from pipeline import status, store
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.places import LOCK, Folder
 from tests.pipeline.studies import CELLS, CHUNKS, sweep
 

@@ -6,7 +6,7 @@ import pytest
 from chatter_core.errors import InvalidInput
 from chatter_core.variables import CELL_STATUS, STATUS, STRUCTURE, SWEEP
 from pipeline import store
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.places import Folder
 from pipeline.sweep import run
 from tests.pipeline.studies import CHUNKS, journal, sweep

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from pipeline import point
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.telling import command
 from tests.pipeline.studies import CELLS, CHUNKS, sweep
 

@@ -10,7 +10,7 @@ from chatter_core.evidence import read_campaign
 from chatter_core.evidence.measured import TABLES
 from chatter_core.machine import Bearing, Cutting, Damping, Machine, Process, Section, Spindle, Tip, TipMode, Tool
 from chatter_core.reading import load_value, read_machine
-from pipeline.__main__ import main
+from pipeline.command_line import main
 
 CAMPAIGNS = Path(__file__).parents[1] / "data" / "campaigns"
 

@@ -23,7 +23,7 @@ from chatter_core.evidence.assessment import Ended, interval_end
 from chatter_core.evidence.candidates import Candidate
 from chatter_core.evidence.fit import Fit
 from pipeline import after_verdict, diagnosis, pieces
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.diagnosis import candidates_of
 from pipeline.model_file import Content
 from tests.documentation.commands import ROOT, blocks, words_of

@@ -11,7 +11,7 @@ import xarray as xr
 
 from chatter_core.errors import InvalidInput
 from pipeline import execution, metadata, report, store, verify
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.kinds import Lobes
 from pipeline.places import Folder
 from pipeline.settings import Cluster

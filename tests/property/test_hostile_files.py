@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chatter_core.evidence import read_campaign
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from tests.property.hostile import (
     EXAMPLES,
     MEMORY,

@@ -13,8 +13,8 @@ from chatter_core.evidence import read_campaign
 from chatter_core.evidence.campaign import planned_trials
 from chatter_core.evidence.uff import read_uff
 from pipeline import model_file
-from pipeline.__main__ import main
 from pipeline.campaigns import model_of
+from pipeline.command_line import main
 from pipeline.configuration import configured_values
 from pipeline.model_file import Content
 from pipeline.settings import model_with

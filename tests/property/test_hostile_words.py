@@ -6,7 +6,7 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.__main__ import VERBS, main
+from pipeline.command_line import VERBS, main
 from pipeline.configuration import compose_settings, groups, words_for
 from pipeline.verbs.studies import SweepOptions
 from tests.property.hostile import EXAMPLES, PIECES, assert_read_or_told, every_example, problems_of

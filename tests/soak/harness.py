@@ -34,7 +34,7 @@ if __name__ == "__main__":
     import sys
     from pathlib import Path
     from pipeline import execution, sweep
-    from pipeline.__main__ import main
+    from pipeline.command_line import main
     from pipeline.places import Folder
     from tests.pipeline.studies import study
     how = {"kernel": "tests.soak.kernel:logged", "report": False}

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.places import Place
 from tests.object_server.server import SECRET, USER
 from tests.pipeline.object_store.server_side import SHORT, STORE

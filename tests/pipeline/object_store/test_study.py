@@ -10,7 +10,7 @@ from markupsafe import escape
 
 from chatter_core.errors import InvalidInput
 from pipeline import execution, report, store, sweep, verify
-from pipeline.__main__ import main
+from pipeline.command_line import main
 from pipeline.places import LOBES, Folder, Place, place_of
 from pipeline.settings import Cluster
 from tests.object_server.server import SECRET, USER, Buckets
