@@ -31,6 +31,8 @@ NOTHING = "none"
 #: Hidden things without a name that lie near named ones: two modes of the workpiece near one; a preload that rises
 #: with the trials near one that rises with speed.
 NEAR = {"workpiece_pair": "workpiece_mode", "warm_up": "thermal_preload"}
+#: Models whose errors on cuts kept back are judged: as described, calibrated, and what the answer stands for.
+MODELS = ("nominal", "refitted", "answered")
 STRENGTHS = ("weak", "middle", "strong")
 #: Confidence of intervals of shares.
 CONFIDENCE = 0.95

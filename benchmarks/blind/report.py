@@ -1,4 +1,4 @@
-"""The judgement written down: report.md, table.csv and figures."""
+"""The judgement written down: report.md, tables and figures."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,13 +7,14 @@ import numpy as np
 
 from benchmarks.blind import figures, kept
 from benchmarks.blind.ablations import ABLATIONS, WHOLE
-from benchmarks.blind.judgement import Case, confusion, is_sure_and_wrong, share_of
+from benchmarks.blind.judgement import MODELS, Case, confusion, is_sure_and_wrong, share_of
 from benchmarks.blind.kept import DONE, Task
 from benchmarks.blind.opening import case_of, predict_held_out, why_not_predicted
 from benchmarks.blind.running import spread_calls
 from benchmarks.blind.summary import (
     Row,
     by_kind,
+    case_row,
     difference,
     group_table,
     markdown,
@@ -46,11 +47,12 @@ def write(root: Path, tasks: Tasks, workers: int) -> list[Path]:
     for given in opened:
         if reason := why_not_predicted(*given):
             lines.append(f"- kept-back cuts not predicted: {given[-1]}: {reason}")
-    paths = [root / "report.md", root / "table.csv", root / "targets.csv"]
+    paths = [root / "report.md", root / "table.csv", root / "targets.csv", root / "cases.csv"]
     paths[0].write_text("\n".join(lines) + "\n", encoding="utf-8")
     write_rows(paths[1], rows)
     whole = cases[GENERATED, WHOLE]
     write_rows(paths[2], [_target_row(one) for one in targets(whole)])
+    write_rows(paths[3], [case_row(one) for one in whole])
     drawn = {
         "reliability": figures.reliability_diagram,
         "confusion": figures.confusion_figure,
@@ -152,7 +154,7 @@ def _own(cases: dict[tuple[str, str], list[Case]]) -> list[str]:
         ["most probable is right", *(share_text(one.value, one.low, one.high) for one in first),
          f"{100.0 * value:+.0f} ({100.0 * low:+.0f} to {100.0 * high:+.0f})"]
     ]  # fmt: skip
-    for model in ("nominal", "refitted", "answered"):
+    for model in MODELS:
         means = [mean_interval([case.errors[model] for case in of if model in case.errors]) for of in (own, same)]
         gap = 100.0 * (means[0][0] - means[1][0])
         told = f"{gap:+.1f}" if np.isfinite(gap) else "-"

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.blind.judgement import STRENGTHS, WORDS, Case, Share, share_of, word_of
+from benchmarks.blind.judgement import MODELS, STRENGTHS, WORDS, Case, Share, share_of, word_of
 from benchmarks.blind.targets import Target
 
 Row = dict[str, Any]
@@ -63,6 +63,31 @@ def rows_of(cases: Sequence[Case]) -> list[Row]:
     return [
         row_of(table, name, of) for table, groups in tables.items() for name, of in groups(cases) if of
     ]  # fmt: skip
+
+
+def case_row(case: Case) -> Row:
+    """Return the row of a campaign: what is hidden, what was answered, and how its models err on cuts kept back."""
+    return {
+        "seed": case.seed,
+        "hidden": " + ".join(case.effects),
+        "strength": "" if case.strength is None else f"{case.strength:.3g}",
+        "label_flips": f"{case.flips:.3g}",
+        "data": case.data,
+        "verdict": case.verdict,
+        "missing": " + ".join(case.missing),
+        "worth": word_of(case),
+        "most_probable": case.first,
+        "probability": f"{case.probabilities[case.first]:.3g}" if case.first else "",
+        **{f"error_{model}": f"{case.errors[model]:.3g}" if model in case.errors else "" for model in MODELS},
+        **{f"amplitudes_{word}": _amplitudes(case, held=held) for word, held in (("held", True), ("missed", False))},
+        "evaluations": "" if case.evaluations is None else case.evaluations,
+        "processor_s": "" if case.processor_s is None else f"{case.processor_s:.0f}",
+    }
+
+
+def _amplitudes(case: Case, *, held: bool) -> str:
+    """Return which shared amplitudes have an interval that holds the truth, or has missed it."""
+    return " ".join(name for name, covered in case.covered.items() if covered is held)
 
 
 def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

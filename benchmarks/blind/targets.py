@@ -7,6 +7,7 @@ import numpy as np
 
 from benchmarks.blind.judgement import (
     CONFIDENCE,
+    MODELS,
     WORTH,
     Case,
     Share,
@@ -146,11 +147,13 @@ def _calibration_interval(stated: Sequence[float], right: Sequence[bool]) -> tup
 
 
 def _predicting(cases: Sequence[Case]) -> list[Target]:
-    known = [case for case in cases if {"nominal", "refitted", "answered"} <= case.errors.keys()]
+    known = [case for case in cases if {*MODELS} <= case.errors.keys()]
     right = [case for case in known if case.kind == "one" and word_of(case) == "right"]
+    missed = [case for case in known if case.kind == "one" and word_of(case) == "missed"]
     none = [case for case in known if case.kind == "none"]
     found = []
-    for name, of in (("one effect, rightly named", right), ("nothing hidden", none)):
+    groups = ("one effect, rightly named", right), ("one effect, told that none is", missed), ("nothing hidden", none)
+    for name, of in groups:
         for model, wanted in (("nominal", None), ("refitted", None), ("answered", 0.09 if of is right else None)):
             value, low, high = mean_interval([case.errors[model] for case in of])
             found.append(

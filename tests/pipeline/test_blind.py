@@ -72,7 +72,12 @@ def test_kept_answers_become_a_report(tmp_path):
     targets = {row["target"]: row for row in read_rows(tmp_path / "targets.csv")}
     assert targets["most probable is right, one effect"]["measured"] == "0.5"
     assert targets["90 % intervals that hold the true amplitude"]["count"] == "1"
+    right, failed_row = read_rows(tmp_path / "cases.csv")
+    told = ("seed", "hidden", "missing", "worth", "amplitudes_held", "amplitudes_missed", "evaluations")
+    assert [right[key] for key in told] == ["1000", "tool_runout", "tool_runout", "right", "runout_um", "", "300"]
+    assert [failed_row[key] for key in ("worth", "most_probable", "error_nominal")] == ["failed", "", ""]
     found = case_of(tmp_path, GENERATED, tasks[GENERATED, "whole"][0])
+    assert float(right["error_nominal"]) == pytest.approx(found.errors["nominal"], abs=5e-4)
     assert word_of(found) == "right"
     assert 0.0 <= found.errors["nominal"] <= 1.0
 

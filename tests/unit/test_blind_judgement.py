@@ -183,6 +183,7 @@ def test_targets_are_measured_and_met_or_not():
     assert measured("90 % intervals that hold the true amplitude") == (0.5, 18, False)
     assert measured("held-out outcome error, one effect, rightly named: answered") == (0.06, 9, True)
     assert measured("fall of that error from refitted to answered") == (0.5, 9, True)
+    assert measured("held-out outcome error, one effect, told that none is: refitted") == (0.1, 1, None)
     assert measured("rise of that error where nothing is hidden") == (0.02, 2, False)
     assert measured("evaluations of the cuts, mean") == (320.0, 10, True)
     assert measured("diagnoses that failed") == (1 / 15, 15, None)
