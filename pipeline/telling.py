@@ -1,7 +1,8 @@
 """What a run tells, and where: text for people, how far it is, errors, and one JSON object for scripts.
 
-Nothing else writes to standard output or standard error. As text, people's text goes to the first, the rest to the
-second; with ``format=json`` the first holds the object alone; with ``quiet=true`` nothing is told but errors.
+Nothing else writes to standard output or standard error, but the entry before this is loaded. As text, people's text
+goes to the first, the rest to the second; with ``format=json`` the first holds the object alone; with ``quiet=true``
+nothing is told but errors.
 """
 
 import json

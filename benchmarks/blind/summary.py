@@ -66,22 +66,25 @@ def rows_of(cases: Sequence[Case]) -> list[Row]:
 
 
 def case_row(case: Case) -> Row:
-    """Return the row of a campaign: what is hidden, what was answered, and how its models err on cuts kept back."""
+    """Return the row of a campaign: what is hidden, what was answered, and how its models err on cuts kept back.
+
+    None stands where there is nothing to say.
+    """
     return {
         "seed": case.seed,
         "hidden": " + ".join(case.effects),
-        "strength": "" if case.strength is None else f"{case.strength:.3g}",
-        "label_flips": f"{case.flips:.3g}",
+        "strength": case.strength,
+        "label_flips": case.flips,
         "data": case.data,
         "verdict": case.verdict,
         "missing": " + ".join(case.missing),
         "worth": word_of(case),
         "most_probable": case.first,
-        "probability": f"{case.probabilities[case.first]:.3g}" if case.first else "",
-        **{f"error_{model}": f"{case.errors[model]:.3g}" if model in case.errors else "" for model in MODELS},
+        "probability": case.probabilities.get(case.first),
+        **{f"error_{model}": case.errors.get(model) for model in MODELS},
         **{f"amplitudes_{word}": _amplitudes(case, held=held) for word, held in (("held", True), ("missed", False))},
-        "evaluations": "" if case.evaluations is None else case.evaluations,
-        "processor_s": "" if case.processor_s is None else f"{case.processor_s:.0f}",
+        "evaluations": case.evaluations,
+        "processor_s": case.processor_s,
     }
 
 
