@@ -193,7 +193,7 @@ def candidates_of(model: CampaignModel, content: Content) -> list[Candidate]:
         candidate_of(effect, waves)
         for name in _lacking(content)
         for effect in variants(name, content.effects_path)
-        if not _hindrance(effect, model) and not effect.repeats(model.campaign.machine)
+        if not _hindrance(effect, model) and not effect.is_superfluous(model.campaign.machine)
     ]
     return sorted(found, key=_cost_order)
 

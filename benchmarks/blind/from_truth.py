@@ -6,6 +6,7 @@ show it. For seeds of the calibration, and of tests that have been opened: it lo
 """
 
 import argparse
+import itertools
 import math
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -94,7 +95,10 @@ def _asymmetry(hidden: Hidden, machine: Machine) -> Beginning:
 
 def _pitch(hidden: Hidden, machine: Machine) -> Beginning:
     widest = variation(list(hidden.pitch_errors_deg))
-    return _beginning(*({"variation": part * widest} for part in (0.5, 0.75, 1.0)))
+    # A pattern without a phase leaves it out.
+    phases = (0.0, 180.0 / machine.tool.teeth)
+    places = itertools.product((0.5, 0.75, 1.0, 1.33), phases)
+    return _beginning(*({"variation": part * widest, "phase_deg": phase} for part, phase in places))
 
 
 def _immersion(hidden: Hidden, machine: Machine) -> Beginning:

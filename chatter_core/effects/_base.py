@@ -159,8 +159,8 @@ class Effect(ShownAsCard, ABC):
     def _check(self, machine: Machine) -> None:  # most effects act on any machine with these parts
         """Raise InvalidInput where the effect cannot act on a machine that has all the parts it needs."""
 
-    def repeats(self, machine: Machine) -> bool:  # most settings differ on any machine
-        """Return whether another choice of its settings does the very same on a machine: one of them is enough."""
+    def is_superfluous(self, machine: Machine) -> bool:  # most settings differ on any machine
+        """Return whether a diagnosis can do without it on a machine: another choice of its settings says as much."""
         return False
 
     @abstractmethod

@@ -75,7 +75,7 @@ class DirectionalAsymmetry(Effect):
         if machine.tip is not None and all(mode.axis != self.axis for mode in machine.tip.modes):
             raise InvalidInput([f"effects.{self.name()}.axis: found '{self.axis}', along which no mode was measured"])
 
-    def repeats(self, machine: Machine) -> bool:
+    def is_superfluous(self, machine: Machine) -> bool:
         """Return whether it is of modes that a spindle explains: seats say the same of them, and why."""
         return self.where == "modes" and machine.spindle is not None
 

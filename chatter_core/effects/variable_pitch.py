@@ -1,5 +1,6 @@
 """Teeth that are not equally spaced, as cutters against chatter have them."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -20,7 +21,9 @@ WAVES, LOOKED_AT = 10.0, (*(0.01 * np.arange(1, 12)), *(0.02 * np.arange(6, 23))
 class VariablePitch(Effect):
     """psi_i = (2 pi/Z) (1 + v p_i), p_i from -1/2 to 1/2: v is the widest pitch less the narrowest, over the mean.
 
-    ``linear`` pitches grow by equal steps from tooth to tooth, ``alternating`` ones are wide and narrow by turns. Each
+    ``linear`` pitches grow by equal steps from tooth to tooth, ``alternating`` ones are wide and narrow by turns.
+    ``sinusoidal`` ones are p_i = cos(2 pi i/Z + phase)/2, as where an index turned off centre when the teeth were cut:
+    v is then that of the cosine, whose ends few teeth may miss, and three teeth have any pitches with some phase. Each
     tooth has its own delay psi_i/Omega, and takes the feed that belongs to it. Valid for one helix angle.
 
     Source: Y. Altintas, S. Engin, E. Budak, "Analytical stability prediction and design of variable pitch cutters",
@@ -33,14 +36,24 @@ class VariablePitch(Effect):
 
     stage: ClassVar[str] = "teeth"
     scan: ClassVar[Scan | None] = Scan(parameter="variation", values=LOOKED_AT, waves=WAVES)
+    shapes: ClassVar[tuple[str, ...]] = ("phase_deg",)
     changes: ClassVar[tuple[str, ...]] = ("cut",)
     settings: ClassVar[tuple[Setting, ...]] = (
-        Setting(name="pattern", doc="how the pitches vary", choices=("linear", "alternating")),
+        Setting(
+            name="pattern",
+            doc="how the pitches vary",
+            choices=("linear", "alternating", "sinusoidal"),
+            unused={"linear": ("phase_deg",), "alternating": ("phase_deg",)},
+        ),
     )
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             name="variation", unit="", doc="widest pitch less the narrowest over the mean pitch",
             prior_width=0.15, lower=0.0, upper=1.0, touches="cut",
+        ),
+        Parameter(
+            name="phase_deg", unit="degree", doc="of sinusoidal pitches: angle of the first one ahead of the widest",
+            prior_width=60.0, lower=-180.0, upper=180.0, touches="cut",
         ),
     )  # fmt: skip
 
@@ -54,22 +67,29 @@ class VariablePitch(Effect):
                 [f"effects.{self.name()}.pattern: alternating needs an even number of teeth, not {teeth}"]
             )
 
-    def repeats(self, machine: Machine) -> bool:
-        """Return whether the pattern is that of the other choice: of two teeth either one is the nearer."""
-        return self.pattern == "alternating" and machine.tool.teeth == 2
+    def is_superfluous(self, machine: Machine) -> bool:
+        """Return whether other patterns say as much: of two teeth all are one, and of three one is any.
+
+        Of more teeth a cosine is one pattern of many, and where it was hidden the others gained as much.
+        """
+        teeth = machine.tool.teeth
+        return (self.pattern == "alternating" and teeth == 2) or (self.pattern == "sinusoidal" and teeth != 3)
 
     def transform(self, before: Any, machine: Machine, values: tuple[float, ...]) -> Any:
         """Return the teeth with other pitches."""
-        (variation,) = values
+        variation, *phase = values
+        shares = self._shares(machine.tool.teeth, *phase)
 
         def teeth(tool: Tool) -> Teeth:
             found: Teeth = before(tool)
-            return replace(found, pitch=found.pitch + variation * self._shares(tool.teeth))
+            return replace(found, pitch=found.pitch + variation * shares)
 
         return teeth
 
-    def _shares(self, count: int) -> Array:
+    def _shares(self, count: int, phase: float = 0.0) -> Array:
         """Return the pattern p_i (tooth,), of mean zero."""
         if self.pattern == "alternating":
             return np.resize([-0.5, 0.5], count)
+        if self.pattern == "sinusoidal":
+            return np.asarray(0.5 * np.cos(2.0 * math.pi / count * np.arange(count) + phase))
         return np.linspace(-0.5, 0.5, count)

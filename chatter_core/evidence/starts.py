@@ -24,6 +24,8 @@ SLIGHT_AMPLITUDES = (1.0, 0.3)
 ROUNDING = 1e-9
 #: Shapes at which it is, in widths of theirs.
 SHAPES = (-1.2, -0.6, 0.0, 0.6, 1.2)
+#: Shapes with which scanned strengths are looked at, in widths of theirs.
+SCANNED_SHAPES = (0.0, 1.0)
 #: Nearer to each other than this shapes are one, in widths of theirs.
 SAME_SHAPE = 0.3
 #: An effect that is heard is looked at where chatter was and the model is off by so many deviations; frequencies nearer
@@ -85,8 +87,8 @@ def _places(
     """Return starts (parameter,) and what they promise [nats].
 
     Each shape is looked at with the first strength, the best of them and of what is scanned with the others too, and
-    all shapes again with the strength that was best. Where an effect is nothing but a strength, and that is scanned, no
-    other is looked at.
+    all shapes again with the strength that was best. Where all strength that an effect has is scanned no other is
+    looked at.
     """
     if len(one_by_one) > SCREENED and _is_scanned_strength(new):
         return [(worth.of(start), start) for start in one_by_one]
@@ -105,10 +107,10 @@ def _places(
 
 
 def _is_scanned_strength(new: Candidate) -> bool:
-    """Return whether an effect is nothing but a strength, which is scanned to each side where it can go."""
-    if new.scan is None or len(new.term.parameters) > 1:
+    """Return whether the only strength of an effect is scanned, to each side where it can go."""
+    if new.scan is None or [strength.name for strength in new.amplitudes] != [new.scan[0]]:
         return False
-    (strength,), values = new.term.parameters, new.scan[1]
+    (strength,), values = new.amplitudes, new.scan[1]
     below, above = min(values) < strength.null, max(values) > strength.null
     return (below or strength.lower == strength.null) and (above or strength.upper == strength.null)
 
@@ -120,11 +122,19 @@ def _screened(
 
     still: what they promise as if none were forced. Only those are looked at that promise most so, of what is scanned
     the peaks before others. The rest promises minus infinity: it parts peaks as it does where all are looked at.
+
+    Of scanned strengths the most promising is that also without the motion: where this makes a posterior rough, a step
+    beside the truth may fall by far more than the right delays gain.
     """
     ordered = [*_ordered(comparison, new, still), *sorted(still, key=lambda one: -one[0])]
     # Each start once.
     looked_at = list(dict.fromkeys(id(start) for _, start in ordered))[:SCREENED]
-    return [(worth.of(start) if id(start) in looked_at else -np.inf, start) for _, start in still]
+    found = [(worth.of(start) if id(start) in looked_at else -np.inf, start) for _, start in still]
+    if not _is_scanned_strength(new):
+        return found
+    most = max(range(len(still)), key=lambda place: still[place][0])
+    found[most] = max(found[most], still[most], key=lambda one: one[0])
+    return found
 
 
 def other_shapes(comparison: Comparison, values: Array, new: Candidate) -> list[Array]:
@@ -200,7 +210,10 @@ def scanned_widely(new: Candidate, comparison: Comparison) -> bool:
 
 
 def _scanned(new: Candidate, comparison: Comparison, own: Array, amplitudes: Sequence[float]) -> list[Array]:
-    """Return starts (parameter,) at the values that are looked at one by one; where slight strengths are, no others."""
+    """Return starts (parameter,) at the values that are looked at one by one; where slight strengths are, no others.
+
+    Strengths are, where an effect has a shape, with some of these each.
+    """
     if new.scan is None:
         return []
     name, values = new.scan
@@ -211,9 +224,13 @@ def _scanned(new: Candidate, comparison: Comparison, own: Array, amplitudes: Seq
     strengths = SCANNED_IN_SILENCE if is_silent(comparison) else SCANNED_AMPLITUDES
     allowed = [size for size in strengths if size <= max(amplitudes)]
     sizes = [{p.name: p.searched_at(size) for p in new.amplitudes} for size in allowed]
+    displacing, shapes = _displacing(new), list[dict[str, float]]()
+    if scanned is not None and displacing is not None:
+        wanted = [displacing.prior_mean + share * displacing.prior_width for share in SCANNED_SHAPES]
+        shapes = [{displacing.name: _within(displacing, value)} for value in wanted]
     found = list[Array]()
-    for size, value in itertools.product(sizes, values):
-        known = {**size, name: value}
+    for size, value, shape in itertools.product(sizes, values, shapes or [{}]):
+        known = {**size, name: value, **shape}
         start = np.array([known.get(p.name, own[i]) for i, p in enumerate(comparison.parameters)])
         # Of a strength that is scanned all sizes are the same.
         if not any(np.array_equal(start, other) for other in found):

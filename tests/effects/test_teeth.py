@@ -83,6 +83,7 @@ def test_teeth_repeat_where_their_pattern_does():
     [
         ("variable_pitch", {"pattern": "linear", "variation": 0.3}),
         ("variable_pitch", {"pattern": "alternating", "variation": 0.2}),
+        ("variable_pitch", {"pattern": "sinusoidal", "variation": 0.2, "phase_deg": 30.0}),
         ("tool_runout", {"runout_um": 60.0, "phase_deg": 20.0}),
         ("tool_runout", {"runout_um": 250.0, "phase_deg": 0.0}),
     ],
@@ -173,6 +174,29 @@ def test_pitches_half_a_wave_apart_are_the_best(rpm: float, direction: str):
     assert limits.max() > 1.4 * equal
     # A whole wave apart the teeth regenerate together again.
     assert limits[-1] == pytest.approx(equal, rel=0.15)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 5])
+def test_an_index_off_centre_makes_sinusoidal_pitches(count: int, reference_machine: Machine):
+    """Angles of teeth that are displaced by a sine once around, and what pitches are between them."""
+    machine, phase, variation = tool(reference_machine, teeth=count), 25.0, 0.3
+    found = model(machine, "variable_pitch", pattern="sinusoidal", variation=variation, phase_deg=phase).teeth(
+        machine.tool
+    )
+    around = 2.0 * math.pi / count * np.arange(count + 1)
+    apart = math.pi / count
+    moved = 0.5 * variation * apart / math.sin(apart) * np.sin(around - apart + math.radians(phase))
+    assert found.pitch == pytest.approx(np.diff(around + moved) / (2.0 * apart), rel=1e-12)
+
+
+@pytest.mark.parametrize("pitch", [(1.1, 0.8, 1.1), (0.9, 1.2, 0.9), (0.8, 1.0, 1.2), (1.07, 0.98, 0.95)])
+def test_sinusoidal_pitches_are_any_of_three_teeth(pitch: tuple[float, ...], reference_machine: Machine):
+    """By the discrete Fourier transform: of three numbers it has a mean and one harmonic."""
+    machine = tool(reference_machine, teeth=3)
+    harmonic = np.fft.fft(pitch)[1] / 3.0
+    values = {"variation": 4.0 * abs(harmonic), "phase_deg": math.degrees(np.angle(harmonic))}
+    stages = model(machine, "variable_pitch", pattern="sinusoidal", **values)
+    assert stages.teeth(machine.tool).pitch == pytest.approx(np.array(pitch), rel=1e-12)
 
 
 def test_teeth_that_cannot_differ_get_one_sentence(reference_machine: Machine):

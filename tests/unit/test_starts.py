@@ -27,17 +27,20 @@ SLOW, FAST = np.linspace(1500.0, 4000.0, 22) * RPM, np.linspace(5000.0, 16000.0,
 MIDDLE = np.linspace(2500.0, 8000.0, 22) * RPM
 DEPTHS = np.geomspace(5e-4, 8e-3, 8)
 PITCH, ALONG, ACROSS = candidate("variable_pitch"), candidate("workpiece_mode"), candidate("workpiece_mode", 1)
-RUNOUT = candidate("tool_runout")
+RUNOUT, SINUSOIDAL = candidate("tool_runout"), candidate("variable_pitch", 2)
 #: Where modes of 600 and 660 Hz leave no more than so many waves between two teeth, in most of the cuts.
 FEW_WAVES = 6.0
 assert PITCH.scan is not None
 FEWER = replace(PITCH, scan=(PITCH.scan[0], VariablePitch.scan.with_waves(FEW_WAVES)))
+FEW_OF_THREE = replace(SINUSOIDAL, scan=FEWER.scan)
 
 
-def judged(new: Candidate, speeds, true):
+def judged(new: Candidate, speeds, true, teeth=2):
     """A campaign whose labels are those of the model with an effect, without noise and without chatter frequencies."""
     speed, depth = (axis.ravel() for axis in np.meshgrid(speeds, DEPTHS, indexing="ij"))
-    plan = campaign(tip_machine(), trials=trials(speed, depth))
+    machine = tip_machine()
+    machine = machine.model_copy(update={"tool": machine.tool.model_copy(update={"teeth": teeth})})
+    plan = campaign(machine, trials=trials(speed, depth))
     model = CampaignModel(campaign=plan, terms=(new.term,))
     values = np.array([true.get(p.name.split(".")[-1], p.null) for p in model.parameters])
     chatter = model.predict(values, quantities=("outcome",)).margin > 0.0
@@ -46,22 +49,24 @@ def judged(new: Candidate, speeds, true):
 
 
 @pytest.mark.parametrize(
-    ("new", "speeds", "true"),
+    ("new", "speeds", "true", "teeth"),
     [
-        (PITCH, SLOW, {"variation": 0.07}),
-        (FEWER, MIDDLE, {"variation": 0.2}),
-        (ACROSS, FAST, {"compliance_um_n": 0.03, "natural_frequency_hz": 960.0, "damping_ratio": 0.015}),
-        (ALONG, FAST, {"compliance_um_n": 0.1, "natural_frequency_hz": 900.0, "damping_ratio": 0.03}),
+        (PITCH, SLOW, {"variation": 0.07}, 2),
+        (FEWER, MIDDLE, {"variation": 0.2}, 2),
+        (FEW_OF_THREE, MIDDLE[::2] * 2.0 / 3.0, {"variation": 0.2, "phase_deg": 50.0}, 3),
+        (ACROSS, FAST, {"compliance_um_n": 0.03, "natural_frequency_hz": 960.0, "damping_ratio": 0.015}, 2),
+        (ALONG, FAST, {"compliance_um_n": 0.1, "natural_frequency_hz": 900.0, "damping_ratio": 0.03}, 2),
     ],
     ids=[
         "little pitch",
         "much pitch of few waves",
+        "a pitch of three that is narrow",
         "a weak mode",
         "a soft mode",
     ],
 )
-def test_the_search_ends_no_lower_than_a_fit_from_the_truth(new, speeds, true):
-    base = base_of(judged(new, speeds, true))
+def test_the_search_ends_no_lower_than_a_fit_from_the_truth(new, speeds, true, teeth):
+    base = base_of(judged(new, speeds, true, teeth))
     near = fit_hypothesis(base.comparison, [new], ground(base))
     found = refit(near, near.fit)
     at_truth = np.array([true.get(p.name.split(".")[-1], p.null) for p in found.fit.parameters])

@@ -7,6 +7,7 @@ import pytest
 
 from chatter_core.effects import Scan
 from chatter_core.effects.directional_asymmetry import DirectionalAsymmetry
+from chatter_core.evidence import base_model
 from chatter_core.evidence.measured import DIRECTIONS
 from pipeline.campaigns import model_of
 from pipeline.diagnosis import candidate_of, candidates_of, not_tried
@@ -39,6 +40,17 @@ def test_where_all_modes_are_kept_it_is_said_why_none_are_restored(reference_mac
 @pytest.mark.parametrize(("measured", "expected"), [(2, [2]), (5, [2, 3, 4])])
 def test_no_more_modes_are_restored_than_were_measured(measured, expected):
     assert restored(Content(modes=1), machine_of_modes(measured)) == (expected, None)
+
+
+@pytest.mark.parametrize(
+    ("teeth", "expected"),
+    [(2, ["linear"]), (3, ["linear", "sinusoidal"]), (4, ["linear", "alternating"]), (5, ["linear"])],
+)
+def test_pitches_are_tried_that_say_something_else_of_so_many_teeth(teeth, expected):
+    machine = tip_machine()
+    machine = machine.model_copy(update={"tool": machine.tool.model_copy(update={"teeth": teeth})})
+    found = candidates_of(base_model(campaign(machine, trials=trials(SPEED, DEPTH))), Content())
+    assert [one.settings["pattern"] for one in found if one.name == "variable_pitch"] == expected
 
 
 def test_of_one_measured_mode_none_are_restored():
