@@ -25,7 +25,7 @@ def told(file: Path, call: Callable[..., Any], *arguments: Any) -> Any:
         raise
     except (Exception, SystemExit) as error:
         raise OwnLawFails(
-            [f"effects_path: {file}{_line(error, file)}: {type(error).__name__}: {error}"],
+            [f"effects_path: {file}{_line(error, file)}: {in_words(error)}"],
             hangs_on_values=isinstance(error, ArithmeticError | ValueError),
         ) from error
 
@@ -45,8 +45,20 @@ def blaming(files: tuple[Path, ...]) -> Iterator[None]:
         if not files or asked:
             raise
         named = " or ".join(f"{file}{_line(error, file)}" for file in files)
-        what = str(error) if isinstance(error, ChatterError) else f"{type(error).__name__}: {error}"
+        what = str(error) if isinstance(error, ChatterError) else in_words(error)
         raise OwnLawFails([f"effects_path: {named}: the chain cannot use what it returns: {what}"]) from error
+
+
+def in_words(error: BaseException) -> str:
+    """Return the kind of an error that a user's own code has raised, and what it says, if it can be said.
+
+    See docs/physics.md#effects.
+    """
+    try:
+        said = str(error)
+    except Exception as failure:
+        said = f"what it says cannot be told, {type(failure).__name__}"
+    return f"{type(error).__name__}: {said}"
 
 
 def _line(error: BaseException, file: Path) -> str:

@@ -20,6 +20,7 @@ from typing import Any
 from chatter_core.effects._base import Effect
 from chatter_core.effects._own import require_complete
 from chatter_core.errors import InvalidInput
+from chatter_core.own_laws import in_words
 from chatter_core.reading import near_path, nearest
 
 FOLDER = Path(__file__).parent
@@ -148,7 +149,7 @@ def _load(name: str, folder: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[spec.name]
-        raise InvalidInput([f"effects_path: {file} cannot be loaded: {type(error).__name__}: {error}"]) from error
+        raise InvalidInput([f"effects_path: {file} cannot be loaded: {in_words(error)}"]) from error
     return module
 
 

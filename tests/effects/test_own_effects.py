@@ -232,6 +232,12 @@ def test_files_that_are_no_effect_get_one_sentence(tmp_path: Path, capsys, text:
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 
+#: A law that raises an error without words, in its fourth line.
+SPEECHLESS = """
+            class Mine(Exception):
+                __str__ = None
+            raise Mine
+"""
 LAW = "            factor = np.where(found.axis == 0, softer, 1.0)\n"
 
 
@@ -240,6 +246,11 @@ LAW = "            factor = np.where(found.axis == 0, softer, 1.0)\n"
     [
         (LAW, "            factor = {}[loss]\n", r"mine.py, line 37: KeyError: 0.3"),
         (LAW, "            raise SystemExit(5)\n", r"mine.py, line 37: SystemExit: 5"),
+        (
+            LAW,
+            SPEECHLESS,
+            r"mine.py, line 40: Mine: what it says cannot be told, TypeError",
+        ),
         ("(loss,) = values", "a, b = values", r"mine.py, line 32: ValueError: not enough values to unpack"),
         ("return cut_modes", "return None", r"mine.py: transform returned None, needed: a function as it was given"),
         ("return replace(found", "return found.axis, dict(a", r"mine.py, line 38: "),
