@@ -56,7 +56,7 @@ def in_words(error: BaseException) -> str:
     """
     try:
         said = str(error)
-    except Exception as failure:
+    except (Exception, SystemExit) as failure:
         said = f"what it says cannot be told, {type(failure).__name__}"
     return f"{type(error).__name__}: {said}"
 

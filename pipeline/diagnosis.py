@@ -205,13 +205,15 @@ def candidate_of(effect: Effect, waves: float) -> Candidate:
     """
     name, used = effect.name(), {parameter.name for parameter in effect.used}
     heard, scan = effect.heard, effect.scan
+    shapes = tuple(f"{name}.{shape}" for shape in effect.shapes if shape in used)
     return Candidate(
         name=name,
         settings=settings_of(effect),
         term=effect,
-        shapes=tuple(f"{name}.{shape}" for shape in effect.shapes if shape in used),
+        shapes=shapes,
         heard=f"{name}.{heard}" if heard in used else None,
         scan=(f"{name}.{scan.parameter}", scan.with_waves(waves)) if scan and scan.parameter in used else None,
+        scanned_shapes=scan.shapes if scan and shapes else (),
         place=effect.place(),
     )
 

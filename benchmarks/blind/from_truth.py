@@ -6,7 +6,6 @@ show it. For seeds of the calibration, and of tests that have been opened: it lo
 """
 
 import argparse
-import itertools
 import math
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -18,7 +17,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks.blind.kept_rows import keep_row, kept_rows
-from benchmarks.blind.shared_amplitudes import AXES, JOINTS, free_ring, variation, workpiece
+from benchmarks.blind.shared_amplitudes import AXES, JOINTS, cosine, free_ring, variation, workpiece
 from benchmarks.blind.summary import markdown
 from benchmarks.blind.tables import write_rows
 from chatter_core.effects.directional_asymmetry import REFERENCE_PRELOAD
@@ -94,11 +93,15 @@ def _asymmetry(hidden: Hidden, machine: Machine) -> Beginning:
 
 
 def _pitch(hidden: Hidden, machine: Machine) -> Beginning:
-    widest = variation(list(hidden.pitch_errors_deg))
-    # A pattern without a phase leaves it out.
-    phases = (0.0, 180.0 / machine.tool.teeth)
-    places = itertools.product((0.5, 0.75, 1.0, 1.33), phases)
-    return _beginning(*({"variation": part * widest, "phase_deg": phase} for part, phase in places))
+    errors = list(hidden.pitch_errors_deg)
+    if len(errors) == 3:
+        # Pitches of three teeth are all of a cosine.
+        whole = cosine(errors)
+        sizes = [{**whole, "variation": part * whole["variation"]} for part in (0.5, 0.75, 1.0)]
+        return _beginning(*sizes, pattern="sinusoidal")
+    by_turns = len(errors) > 2 and errors == np.resize(errors[:2], len(errors)).tolist()
+    widest, pattern = variation(errors), "alternating" if by_turns else "linear"
+    return _beginning(*({"variation": part * widest} for part in (0.5, 0.75, 1.0)), pattern=pattern)
 
 
 def _immersion(hidden: Hidden, machine: Machine) -> Beginning:

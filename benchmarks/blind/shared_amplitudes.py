@@ -5,6 +5,7 @@ speed, process damping, chip thickness (other functions); housing and asymmetry 
 one each, a ratio of stiffnesses against a compliance); an immersion that falls with depth.
 """
 
+import cmath
 import math
 from typing import Any
 
@@ -33,9 +34,12 @@ def true_amplitudes(truth: Truth, settings: dict[str, Any]) -> dict[str, float]:
         return {"growth_um": 1e6 * hidden["ring_growth"] * free_ring(machine["bearing"])}
     if name == "tool_runout":
         return {"runout_um": 2e6 * hidden["runout_m"]}
-    # With more teeth the hidden pattern is another than those of the program.
+    # With more than three teeth the hidden pattern is another than those of the program.
     if name == "variable_pitch" and len(hidden["pitch_errors_deg"]) == 2:
         return {"variation": variation(hidden["pitch_errors_deg"])}
+    if name == "variable_pitch" and len(hidden["pitch_errors_deg"]) == 3 and settings.get("pattern") == "sinusoidal":
+        # Which tooth is called the first does not matter, so that the phase is any of three.
+        return {"variation": cosine(hidden["pitch_errors_deg"])["variation"]}
     if name == "radial_immersion_error" and "immersion_offset" in hidden:
         offset = hidden["immersion_offset"]
         # Kept answers of earlier programs have it over the nominal immersion.
@@ -58,9 +62,22 @@ def free_ring(bearing: Truth) -> float:
 
 def variation(errors_deg: list[float]) -> float:
     """Return the widest pitch less the narrowest over the mean one, of teeth displaced by so much."""
+    pitches = _pitches(errors_deg)
+    return max(pitches) - min(pitches)
+
+
+def cosine(errors_deg: list[float]) -> dict[str, float]:
+    """Return variation and phase of the cosine once around that is in the pitches of teeth displaced by so much."""
+    pitches = _pitches(errors_deg)
+    angles = [2.0 * math.pi * tooth / len(pitches) for tooth in range(len(pitches))]
+    harmonic = sum(pitch * cmath.exp(-1j * angle) for pitch, angle in zip(pitches, angles, strict=True)) / len(pitches)
+    return {"variation": 4.0 * abs(harmonic), "phase_deg": math.degrees(cmath.phase(harmonic))}
+
+
+def _pitches(errors_deg: list[float]) -> list[float]:
+    """Return each tooth's pitch to the one ahead, over the mean one."""
     teeth = len(errors_deg)
-    pitches = [360.0 / teeth + errors_deg[(tooth + 1) % teeth] - errors_deg[tooth] for tooth in range(teeth)]
-    return (max(pitches) - min(pitches)) * teeth / 360.0
+    return [1.0 + (errors_deg[(one + 1) % teeth] - errors_deg[one]) * teeth / 360.0 for one in range(teeth)]
 
 
 def workpiece(mode: Truth, settings: dict[str, Any]) -> dict[str, float]:

@@ -40,11 +40,14 @@ class Scan:
     For effects of which one value says nothing about the next: where the data see a mode only beside its frequency, or
     teeth only where their delays come around again. What counts then is by how much of a wave on the surface they
     differ: ``waves`` says for how many between two teeth the values are told, and none that their number is no matter.
+    shapes: values of the effect's first shape, each of which each value of a strength is looked at with, and with no
+    others; empty where shapes are looked at with a few strengths, as they are of what is not scanned.
     """
 
     parameter: str
     values: tuple[float, ...]
     waves: float | None = None
+    shapes: tuple[float, ...] = ()
 
     def with_waves(self, waves: float) -> tuple[float, ...]:
         """Return the values for cuts with so many waves between two teeth: where there are fewer, farther apart."""

@@ -101,12 +101,22 @@ def _findings_of_scan(kind: "type[Effect]") -> Iterator[str]:
         yield f"scan: found {scan.parameter!r}; {nearest(str(scan.parameter), list(declared))}"
     elif not _is_tuple(scan.values) or not scan.values:
         yield f"scan: found {scan.values!r}, allowed: a tuple of values"
+    elif not _is_tuple(scan.shapes) or (scan.shapes and not kind.shapes):
+        yield f"scan: shapes: found {scan.shapes!r}, allowed: a tuple of values of the first of the effect's shapes"
     elif not (scan.waves is None or _is_number_of_waves(scan.waves)):
         yield f"scan: waves: found {scan.waves!r}, allowed: a number above 0, up to {MOST_WAVES:g}"
     else:
-        one = declared[scan.parameter]
-        beyond = [value for value in scan.values if not one.lower <= value <= one.upper]
-        yield from (f"scan: found {value:g}, allowed: {one.lower:g} to {one.upper:g}" for value in beyond[:1])
+        yield from _beyond("scan", scan.values, declared[scan.parameter])
+        first = next((one for one in kind.declared if one.name in kind.shapes), None)
+        if first is not None:
+            yield from _beyond("scan: shapes", scan.shapes, first)
+
+
+def _beyond(key: str, values: tuple[float, ...], parameter: Parameter) -> Iterator[str]:
+    """Yield the first value that lies outside of a parameter's bounds."""
+    lower, upper = parameter.lower, parameter.upper
+    beyond = [value for value in values if not lower <= value <= upper]
+    yield from (f"{key}: found {value:g}, allowed: {lower:g} to {upper:g}" for value in beyond[:1])
 
 
 def _is_number_of_waves(found: object) -> bool:

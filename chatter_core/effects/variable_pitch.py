@@ -15,6 +15,8 @@ from chatter_core.teeth import Teeth
 #: Variations that are looked at one by one with so many waves between two teeth: 0.02 moves one by a fifth of its
 #: length.
 WAVES, LOOKED_AT = 10.0, (*(0.01 * np.arange(1, 12)), *(0.02 * np.arange(6, 23)))
+#: Phases that each is looked at with: one of three teeth that is wide, and one that is narrow, are farthest apart.
+PHASES = (0.0, 60.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,8 +25,8 @@ class VariablePitch(Effect):
 
     ``linear`` pitches grow by equal steps from tooth to tooth, ``alternating`` ones are wide and narrow by turns.
     ``sinusoidal`` ones are p_i = cos(2 pi i/Z + phase)/2, as where an index turned off centre when the teeth were cut:
-    v is then that of the cosine, whose ends few teeth may miss, and three teeth have any pitches with some phase. Each
-    tooth has its own delay psi_i/Omega, and takes the feed that belongs to it. Valid for one helix angle.
+    v is then that of the cosine, of which three teeth show 0.75 to 0.87, and these have any pitches with some phase.
+    Each tooth has its own delay psi_i/Omega, and takes the feed that belongs to it. Valid for one helix angle.
 
     Source: Y. Altintas, S. Engin, E. Budak, "Analytical stability prediction and design of variable pitch cutters",
     J. Manuf. Sci. Eng. 121 (1999) 173-178.
@@ -35,7 +37,7 @@ class VariablePitch(Effect):
     pattern: str
 
     stage: ClassVar[str] = "teeth"
-    scan: ClassVar[Scan | None] = Scan(parameter="variation", values=LOOKED_AT, waves=WAVES)
+    scan: ClassVar[Scan | None] = Scan(parameter="variation", values=LOOKED_AT, waves=WAVES, shapes=PHASES)
     shapes: ClassVar[tuple[str, ...]] = ("phase_deg",)
     changes: ClassVar[tuple[str, ...]] = ("cut",)
     settings: ClassVar[tuple[Setting, ...]] = (
@@ -48,7 +50,7 @@ class VariablePitch(Effect):
     )
     declared: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
-            name="variation", unit="", doc="widest pitch less the narrowest over the mean pitch",
+            name="variation", unit="", doc="widest pitch less narrowest, or the cosine's, over the mean",
             prior_width=0.15, lower=0.0, upper=1.0, touches="cut",
         ),
         Parameter(
@@ -70,7 +72,7 @@ class VariablePitch(Effect):
     def is_superfluous(self, machine: Machine) -> bool:
         """Return whether other patterns say as much: of two teeth all are one, and of three one is any.
 
-        Of more teeth a cosine is one pattern of many, and where it was hidden the others gained as much.
+        Of more teeth a cosine is one pattern of many.
         """
         teeth = machine.tool.teeth
         return (self.pattern == "alternating" and teeth == 2) or (self.pattern == "sinusoidal" and teeth != 3)

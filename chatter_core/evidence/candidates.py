@@ -18,7 +18,8 @@ class Candidate:
 
     name: of the effect; settings: what was chosen of it; term: with its parameters; shapes: names of those that say
     how it looks and not how strong it is; heard: the one of them that is a frequency at which it makes cuts chatter
-    [Hz]; scan: a parameter and its values that are looked at one by one; place: what terms are sorted by.
+    [Hz]; scan: a parameter and its values that are looked at one by one; scanned_shapes: values of the first shape that
+    each of them is looked at with; place: what terms are sorted by.
     """
 
     name: str
@@ -28,6 +29,7 @@ class Candidate:
     place: tuple[int, bool, str]
     heard: str | None = None
     scan: tuple[str, tuple[float, ...]] | None = None
+    scanned_shapes: tuple[float, ...] = ()
 
     @property
     def amplitudes(self) -> tuple[Parameter, ...]:

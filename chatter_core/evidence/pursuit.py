@@ -79,7 +79,7 @@ class Prospect:
 
     candidates: the last of them is new; nested: the model without it; climb; known: its Jacobian (coordinate,
     parameter); added: (parameter,) which are the new effect's own; at_null: the model with the effect at its null;
-    starts: promises over the null [nats], and places (parameter,).
+    starts: promises over the null [nats], and places (parameter,); still: as ``Promises`` has it.
     """
 
     candidates: tuple[Candidate, ...]
@@ -89,6 +89,7 @@ class Prospect:
     added: NDArray[np.bool_]
     at_null: Maximum
     starts: list[tuple[float, Array]]
+    still: list[tuple[float, Array]]
 
     @property
     def promise(self) -> float:
@@ -144,9 +145,9 @@ def look(
     assert isinstance(comparison, Comparison)
     worth, plain = Worth(climb, at_null, known, added), unbent(comparison, own)
     promised = partial(promises, worth, comparison, new=new, at_null=at_null.evaluation, amplitudes=amplitudes)
-    starts = [(climb.promise_of(at_null), own), *promised(own=own, scanned=True)]
+    looked = [promised(own=own, scanned=True)]
     if nested.bent or (new.scan is not None and is_silent(comparison)):
-        starts += promised(own=plain, scanned=scanned_widely(new, comparison))
+        looked.append(promised(own=plain, scanned=scanned_widely(new, comparison)))
     return Prospect(
         candidates=tuple(candidates),
         nested=nested,
@@ -154,7 +155,8 @@ def look(
         known=known,
         added=added,
         at_null=at_null,
-        starts=starts,
+        starts=[(climb.promise_of(at_null), own), *(one for part in looked for one in part.starts)],
+        still=[one for part in looked for one in part.still],
     )
 
 
@@ -171,7 +173,7 @@ def pursue(prospect: Prospect) -> Hypothesis:
     assert isinstance(comparison, Comparison)
     smooth, rows = _smooth(climb), smooth_rows(found.evaluation)
     still = smooth_height(found.log_posterior, found.evaluation)
-    for promise, start in chosen(comparison, prospect.candidates[-1], prospect.starts):
+    for promise, start in chosen(comparison, prospect.candidates[-1], prospect.starts, prospect.still):
         ahead = smooth.approach(start, START_GAIN, known[rows], added, still)
         there = climb.place(ahead.values)
         if _leads_on(prospect, ahead, there, still):

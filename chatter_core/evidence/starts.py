@@ -5,6 +5,7 @@ A displaced resonance has no slope that would lead to it, so places are looked a
 
 import itertools
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,6 @@ SLIGHT_AMPLITUDES = (1.0, 0.3)
 ROUNDING = 1e-9
 #: Shapes at which it is, in widths of theirs.
 SHAPES = (-1.2, -0.6, 0.0, 0.6, 1.2)
-#: Shapes with which scanned strengths are looked at, in widths of theirs.
-SCANNED_SHAPES = (0.0, 1.0)
 #: Nearer to each other than this shapes are one, in widths of theirs.
 SAME_SHAPE = 0.3
 #: An effect that is heard is looked at where chatter was and the model is off by so many deviations; frequencies nearer
@@ -51,6 +50,19 @@ CLIMBED = 2
 HOPELESS = -15.0
 
 
+@dataclass(frozen=True, kw_only=True)
+class Promises:
+    """Starts (parameter,) of an effect, and what each promises over its null [nats].
+
+    still: of scanned strengths that make teeth unlike the one that promises most as if these forced no motion, with
+    that promise: where the motion makes a posterior rough, a step beside the truth may fall by far more than the right
+    delays gain.
+    """
+
+    starts: list[tuple[float, Array]]
+    still: list[tuple[float, Array]]
+
+
 def promises(
     worth: "Worth",
     comparison: Comparison,
@@ -60,7 +72,7 @@ def promises(
     *,
     scanned: bool,
     amplitudes: Sequence[float] = AMPLITUDES,
-) -> list[tuple[float, Array]]:
+) -> Promises:
     """Return starts of an effect, and what each promises over its null [nats]; scanned: whether a scan is among them.
 
     Of starts that make teeth unlike only some are looked at with the motion that these force.
@@ -72,7 +84,10 @@ def promises(
     first = starts_at(comparison, own, new, amplitudes[:1], shapes) + one_by_one
     unlike = any(worth.makes_teeth_unlike(start) for start in first)
     found = _places(worth.still if unlike else worth, comparison, new, first, one_by_one, shapes, amplitudes[1:])
-    return _screened(worth, comparison, new, found) if unlike else found
+    if not unlike:
+        return Promises(starts=found, still=[])
+    most = [max(found, key=lambda one: one[0])] if _is_scanned_strength(new) else []
+    return Promises(starts=_screened(worth, comparison, new, found), still=most)
 
 
 def _places(
@@ -107,8 +122,10 @@ def _places(
 
 
 def _is_scanned_strength(new: Candidate) -> bool:
-    """Return whether the only strength of an effect is scanned, to each side where it can go."""
+    """Return whether the only strength of an effect is scanned, to each side where it can go, and its shape with it."""
     if new.scan is None or [strength.name for strength in new.amplitudes] != [new.scan[0]]:
+        return False
+    if new.shapes and not new.scanned_shapes:
         return False
     (strength,), values = new.amplitudes, new.scan[1]
     below, above = min(values) < strength.null, max(values) > strength.null
@@ -122,19 +139,11 @@ def _screened(
 
     still: what they promise as if none were forced. Only those are looked at that promise most so, of what is scanned
     the peaks before others. The rest promises minus infinity: it parts peaks as it does where all are looked at.
-
-    Of scanned strengths the most promising is that also without the motion: where this makes a posterior rough, a step
-    beside the truth may fall by far more than the right delays gain.
     """
     ordered = [*_ordered(comparison, new, still), *sorted(still, key=lambda one: -one[0])]
     # Each start once.
     looked_at = list(dict.fromkeys(id(start) for _, start in ordered))[:SCREENED]
-    found = [(worth.of(start) if id(start) in looked_at else -np.inf, start) for _, start in still]
-    if not _is_scanned_strength(new):
-        return found
-    most = max(range(len(still)), key=lambda place: still[place][0])
-    found[most] = max(found[most], still[most], key=lambda one: one[0])
-    return found
+    return [(worth.of(start) if id(start) in looked_at else -np.inf, start) for _, start in still]
 
 
 def other_shapes(comparison: Comparison, values: Array, new: Candidate) -> list[Array]:
@@ -212,7 +221,7 @@ def scanned_widely(new: Candidate, comparison: Comparison) -> bool:
 def _scanned(new: Candidate, comparison: Comparison, own: Array, amplitudes: Sequence[float]) -> list[Array]:
     """Return starts (parameter,) at the values that are looked at one by one; where slight strengths are, no others.
 
-    Strengths are, where an effect has a shape, with some of these each.
+    Each is with every shape that is scanned with it.
     """
     if new.scan is None:
         return []
@@ -224,12 +233,12 @@ def _scanned(new: Candidate, comparison: Comparison, own: Array, amplitudes: Seq
     strengths = SCANNED_IN_SILENCE if is_silent(comparison) else SCANNED_AMPLITUDES
     allowed = [size for size in strengths if size <= max(amplitudes)]
     sizes = [{p.name: p.searched_at(size) for p in new.amplitudes} for size in allowed]
-    displacing, shapes = _displacing(new), list[dict[str, float]]()
-    if scanned is not None and displacing is not None:
-        wanted = [displacing.prior_mean + share * displacing.prior_width for share in SCANNED_SHAPES]
-        shapes = [{displacing.name: _within(displacing, value)} for value in wanted]
+    displacing, shapes = _displacing(new), [dict[str, float]()]
+    if new.scanned_shapes:
+        assert displacing is not None
+        shapes = [{displacing.name: value} for value in new.scanned_shapes]
     found = list[Array]()
-    for size, value, shape in itertools.product(sizes, values, shapes or [{}]):
+    for size, value, shape in itertools.product(sizes, values, shapes):
         known = {**size, name: value, **shape}
         start = np.array([known.get(p.name, own[i]) for i, p in enumerate(comparison.parameters)])
         # Of a strength that is scanned all sizes are the same.
@@ -260,14 +269,17 @@ def _displacing(new: Candidate) -> Parameter | None:
 
 
 def chosen(
-    comparison: Comparison, new: Candidate, promised: Sequence[tuple[float, Array]]
+    comparison: Comparison,
+    new: Candidate,
+    promised: Sequence[tuple[float, Array]],
+    still: Sequence[tuple[float, Array]] = (),
 ) -> list[tuple[float, Array]]:
     """Return the starts that are climbed from, and what they promise: the best, and the best large one to each side.
 
     Of those that differ in nothing that is scanned, or in nothing of the effect, the best; of what is scanned, the
     peaks: the second best of all lies beside the best, and leads nowhere else. Of a scanned shape those with strengths
     beyond the first are chosen apart: where all else follows, a strong effect in a wrong place may promise more than a
-    weak one in the right place.
+    weak one in the right place. The best of ``still``, as ``Promises`` has it, besides, if it promises more than all.
 
     See docs/physics.md#diagnosis.
     """
@@ -282,7 +294,10 @@ def chosen(
         ]
         if of_side and not any(np.array_equal(of_side[0][1], start) for _, start in chosen):
             chosen.append(of_side[0])
-    return chosen
+    most = max(still, key=lambda one: one[0], default=None)
+    if most is None or most[0] <= max((promise for promise, _ in chosen), default=SMALLEST_PROMISE):
+        return chosen
+    return chosen if any(np.array_equal(most[1], start) for _, start in chosen) else [*chosen, most]
 
 
 def _strength(comparison: Comparison, new: Candidate) -> tuple[int, float]:

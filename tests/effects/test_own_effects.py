@@ -143,7 +143,8 @@ SETTING = '__import__("types").SimpleNamespace(name="axis", doc="which", choices
 
 #: What makes a scan, without an import in the user's file.
 SCAN = (
-    "(lambda *own: __import__('chatter_core.effects').effects.Scan(**dict(zip(('parameter', 'values', 'waves'), own))))"
+    "(lambda *own: __import__('chatter_core.effects').effects.Scan("
+    "**dict(zip(('parameter', 'values', 'waves', 'shapes'), own))))"
 )
 
 
@@ -199,6 +200,20 @@ def with_unused(unused: str) -> str:
         (
             with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1,), 'ten')"),
             r"mine.py: scan: waves: found 'ten', allowed:",
+        ),
+        (
+            with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1,), None, (0.2,))"),
+            r"mine.py: scan: shapes: found \(0.2,\), allowed: a tuple of values of the first of the effect's shapes",
+        ),
+        (
+            with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1,), None, 3)"),
+            r"mine.py: scan: shapes: found 3, allowed",
+        ),
+        (
+            with_line(
+                'shapes: ClassVar[Any] = ("loss",)', f"scan: ClassVar[Any] = {SCAN}('loss', (0.1,), None, (9.0,))"
+            ),
+            r"mine.py: scan: shapes: found 9, allowed: 0 to",
         ),
         (with_line("shapes: ClassVar[Any] = None"), r"mine.py: shapes: found None, allowed: a tuple of names"),
         (with_line('settings: ClassVar[Any] = ("axis",)'), r"mine.py: settings: found 'axis', allowed: settings"),

@@ -16,7 +16,7 @@ from benchmarks.blind.judgement import (
     stating,
     word_of,
 )
-from benchmarks.blind.shared_amplitudes import covered, true_amplitudes
+from benchmarks.blind.shared_amplitudes import cosine, covered, true_amplitudes
 from benchmarks.blind.summary import by_data, by_effect, by_strength, difference, row_of
 from benchmarks.blind.targets import mean_interval, targets
 from chatter_core.evidence.ranking import NOTHING_MISSING, TEMPER
@@ -224,6 +224,13 @@ def test_shared_amplitudes_are_those_of_the_hidden_law():
     # Pitches of 180 + 9 and 180 - 9 degrees.
     pitch = truth("variable_pitch", pitch_errors_deg=[0.0, 9.0])
     assert true_amplitudes(pitch, {"pattern": "linear"}) == pytest.approx({"variation": 0.1})
+    # Pitches of 120 + 4, 120 - 8 and 120 + 4 degrees: a cosine with a height of 8 degrees.
+    pitch = truth("variable_pitch", pitch_errors_deg=[0.0, 4.0, -4.0])
+    assert true_amplitudes(pitch, {"pattern": "linear"}) == {}
+    assert true_amplitudes(pitch, {"pattern": "sinusoidal"}) == pytest.approx({"variation": 8.0 / 120.0 * 2.0})
+    found = cosine([0.0, 4.0, -4.0])
+    angles = 2.0 * np.pi / 3.0 * np.arange(3) + math.radians(found["phase_deg"])
+    assert 120.0 * 0.5 * found["variation"] * np.cos(angles) == pytest.approx([4.0, -8.0, 4.0])
     offset = truth("radial_immersion_error", immersion_offset=-0.1)
     assert true_amplitudes(offset, {}) == pytest.approx({"offset": -0.1, "error": -0.2})
     assert true_amplitudes(truth("radial_immersion_error", immersion_per_depth_1_m=9.0), {}) == {}

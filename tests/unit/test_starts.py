@@ -17,6 +17,7 @@ from chatter_core.evidence.starts import (
     SLIGHT_AMPLITUDES,
     SMALLEST_PROMISE,
     Worth,
+    chosen,
     other_shapes,
     waves_between_teeth,
 )
@@ -49,24 +50,22 @@ def judged(new: Candidate, speeds, true, teeth=2):
 
 
 @pytest.mark.parametrize(
-    ("new", "speeds", "true", "teeth"),
+    ("new", "speeds", "true"),
     [
-        (PITCH, SLOW, {"variation": 0.07}, 2),
-        (FEWER, MIDDLE, {"variation": 0.2}, 2),
-        (FEW_OF_THREE, MIDDLE[::2] * 2.0 / 3.0, {"variation": 0.2, "phase_deg": 50.0}, 3),
-        (ACROSS, FAST, {"compliance_um_n": 0.03, "natural_frequency_hz": 960.0, "damping_ratio": 0.015}, 2),
-        (ALONG, FAST, {"compliance_um_n": 0.1, "natural_frequency_hz": 900.0, "damping_ratio": 0.03}, 2),
+        (PITCH, SLOW, {"variation": 0.07}),
+        (FEWER, MIDDLE, {"variation": 0.2}),
+        (ACROSS, FAST, {"compliance_um_n": 0.03, "natural_frequency_hz": 960.0, "damping_ratio": 0.015}),
+        (ALONG, FAST, {"compliance_um_n": 0.1, "natural_frequency_hz": 900.0, "damping_ratio": 0.03}),
     ],
     ids=[
         "little pitch",
         "much pitch of few waves",
-        "a pitch of three that is narrow",
         "a weak mode",
         "a soft mode",
     ],
 )
-def test_the_search_ends_no_lower_than_a_fit_from_the_truth(new, speeds, true, teeth):
-    base = base_of(judged(new, speeds, true, teeth))
+def test_the_search_ends_no_lower_than_a_fit_from_the_truth(new, speeds, true):
+    base = base_of(judged(new, speeds, true))
     near = fit_hypothesis(base.comparison, [new], ground(base))
     found = refit(near, near.fit)
     at_truth = np.array([true.get(p.name.split(".")[-1], p.null) for p in found.fit.parameters])
@@ -76,6 +75,21 @@ def test_the_search_ends_no_lower_than_a_fit_from_the_truth(new, speeds, true, t
     assert ended > base.fit.log_posterior + 9.0
     # Two climbs in a posterior with edges may differ by twice what its roughness is, one nat.
     assert found.fit.log_posterior > ended - 2.0
+
+
+def test_of_three_teeth_one_pitch_that_is_narrow_is_found():
+    """Each strength is looked at with one that is wide and with one that is narrow, and from the best it is found."""
+    base = base_of(judged(FEW_OF_THREE, MIDDLE[::3] * 2.0 / 3.0, {"variation": 0.3, "phase_deg": 60.0}, teeth=3))
+    prospect = look(base.comparison, [FEW_OF_THREE], ground(base))
+    names = [p.name for p in prospect.climb.problem.parameters]
+    own = [names.index(p.name) for p in FEW_OF_THREE.term.parameters]
+    phases = FEW_OF_THREE.scanned_shapes
+    looked_at = {tuple(start[own]) for _, start in prospect.starts if start[own[0]] > 0.0}
+    assert looked_at == {(value, phase) for value in FEW_OF_THREE.scan[1] for phase in phases}
+    near = pursue(prospect)
+    found = refit(near, near.fit)
+    # What names an effect.
+    assert found.fit.log_posterior > base.fit.log_posterior + 9.0
 
 
 def test_the_pitch_that_promises_most_is_found_as_if_teeth_forced_no_motion():
@@ -157,6 +171,37 @@ def test_pitches_lie_farther_apart_where_chatter_leaves_fewer_waves():
     of_two_sides = Scan(parameter="lag", values=(-0.3, -0.1, 0.1, 0.3), waves=10.0)
     assert of_two_sides.with_waves(5.0) == (-0.2, 0.2)
     assert scan.with_waves(0.1) == (LOOKED_AT[-1],)
+
+
+def test_of_scanned_pitches_the_best_without_the_motion_is_climbed_from_besides_if_it_promises_more_than_all():
+    """The two best with the motion stay: a place may hide the right pitches, or be none without it."""
+    comparison = extended(Comparison(model=base_model(campaign(tip_machine()))), [PITCH])
+    place = [p.name for p in comparison.parameters].index(PITCH.scan[0])
+
+    def at(value, promise):
+        start = np.array([p.null for p in comparison.parameters])
+        start[place] = value
+        return promise, start
+
+    def climbed(*still):
+        found = chosen(comparison, PITCH, promised, still)
+        return [(promise, start[place]) for promise, start in found]
+
+    promised = [at(0.05, 1.0), at(0.1, -2.0), at(0.2, 15.0), at(0.3, -np.inf), at(0.4, 14.0)]
+    best = [(15.0, 0.2), (14.0, 0.4)]
+    assert climbed() == climbed(at(0.05, 14.5)) == climbed(at(0.2, 20.0)) == best
+    assert climbed(at(0.05, 22.0)) == climbed(at(0.05, 22.0), at(0.3, 21.0)) == [*best, (22.0, 0.05)]
+
+
+def test_all_shapes_are_looked_at_that_are_not_scanned_with_a_strength(reference_machine):
+    """A rear seat may give more than the front one, and less, by any loss that is scanned."""
+    seats = candidate("directional_asymmetry", 2)
+    base = base_of(campaign(reference_machine, trials=trials(FAST[:2], np.array([1e-3, 2e-3]))))
+    found = look(base.comparison, [seats], ground(base)).starts
+    place = [p.name for p in extended(base.comparison, [seats]).parameters].index(
+        "directional_asymmetry.rear_difference"
+    )
+    assert {round(start[place], 9) for _, start in found} == {-1.2, -0.6, 0.0, 0.6, 1.2}
 
 
 def test_waves_between_teeth_are_those_of_most_cuts_that_were_heard():
