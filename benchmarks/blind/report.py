@@ -47,12 +47,16 @@ def write(root: Path, tasks: Tasks, workers: int) -> list[Path]:
     for given in opened:
         if reason := why_not_predicted(*given):
             lines.append(f"- kept-back cuts not predicted: {given[-1]}: {reason}")
-    paths = [root / "report.md", root / "table.csv", root / "targets.csv", root / "cases.csv"]
+    paths, whole = [root / "report.md"], cases[GENERATED, WHOLE]
     paths[0].write_text("\n".join(lines) + "\n", encoding="utf-8")
-    write_rows(paths[1], rows)
-    whole = cases[GENERATED, WHOLE]
-    write_rows(paths[2], [_target_row(one) for one in targets(whole)])
-    write_rows(paths[3], [case_row(one) for one in whole])
+    tables = {
+        "table": rows,
+        "targets": [_target_row(one) for one in targets(whole)],
+        "cases": [case_row(one) for one in whole],
+    }
+    for name, of_it in tables.items():
+        paths.append(root / f"{name}.csv")
+        write_rows(paths[-1], of_it)
     drawn = {
         "reliability": figures.reliability_diagram,
         "confusion": figures.confusion_figure,
