@@ -14,6 +14,7 @@ from chatter_core.evidence.margin import (
     FARTHEST,
     LIMIT_REACH,
     REACH,
+    SLOPE_STEP,
     Growth,
     crossing_lines,
     followed_margins,
@@ -150,8 +151,10 @@ def _forces(known: CutPrediction, stages: Stages, cuts: Cuts, setup: Setup, buil
     """
     points = setup.points
     crossing = known.crossing[points]
-    heard = cuts.heard[points] & np.isfinite(known.margin[points])
-    at = np.concatenate([crossing, where_it_chatters(known.margin[points], crossing)])
+    # Just beyond a crossing the forces are those of the crossing.
+    at_the_cut = where_it_chatters(known.margin[points], crossing) == 0.0
+    heard = cuts.heard[points] & np.isfinite(known.margin[points]) & at_the_cut
+    at = np.concatenate([crossing, np.zeros(len(points))])
     asked = np.flatnonzero(np.concatenate([np.isfinite(crossing), heard]))
     if not len(asked):
         return None
@@ -269,12 +272,12 @@ def together(parts: Sequence[CutPrediction], places: Sequence[Indices]) -> CutPr
 def where_it_chatters(margin: Array, crossing: Array) -> Array:
     """Return in ln(depth) from each cut (cut,) where its chatter is looked at.
 
-    That is the cut itself, or where the model stays quiet the crossing somewhat deeper, at which it would
-    chatter.
+    That is the cut itself, or where the model stays quiet just beyond the crossing somewhat deeper, where it would
+    chatter: where ln|mu| leaps the motion on this side of it is another one.
 
     See docs/physics.md#margin.
     """
-    return np.where((margin < 0.0) & (crossing > 0.0), crossing, 0.0)
+    return np.where((margin < 0.0) & (crossing > 0.0), crossing + SLOPE_STEP, 0.0)
 
 
 def _group(campaign: Campaign, machine: Machine, points: Indices, speed: Array) -> Group:

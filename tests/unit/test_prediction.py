@@ -53,6 +53,25 @@ def test_margins_are_measured_from_the_limit_depth():
     assert model.predict(model.nulls).failed == 0
 
 
+def test_chatter_is_heard_where_it_grows_also_where_its_growth_leaps():
+    """Before a leap, as where another tooth comes to cut, there is another motion: rounding would tell which."""
+    machine = tip_machine()
+    machine = machine.model_copy(update={"tool": machine.tool.model_copy(update={"teeth": 3})})
+    speed, depth = np.meshgrid(np.linspace(2500.0, 8000.0, 22)[::2] * RPM, np.geomspace(5e-4, 8e-3, 8), indexing="ij")
+    unequal = variants("variable_pitch")[2]
+    model = CampaignModel(campaign=campaign(machine, trials=trials(speed.ravel(), depth.ravel())), terms=(unequal,))
+    found = model.predict(np.array([0.2, 60.0, *model.nulls[2:]]))
+    quiet = (found.cuts.margin < 0.0) & (found.cuts.crossing > 0.0)
+
+    def growth(offset):
+        return np.log(model.stability(found, np.where(quiet, offset, 0.0)).spectral_radius[quiet])
+
+    assert unequal.pattern == "sinusoidal"
+    assert growth(cuts.where_it_chatters(found.cuts.margin, found.cuts.crossing)).min() > 0.0
+    # There is a leap among them.
+    assert growth(found.cuts.crossing).min() < -0.01
+
+
 def test_limit_depths_are_cuts_that_should_have_no_margin():
     machine = tip_machine()
     limit = first_limits(machine, SPEEDS, 1)
