@@ -72,7 +72,7 @@ def test_what_is_held_out_cannot_know_its_own_labels():
 
 
 def test_of_two_starts_the_higher_end_counts():
-    rng = np.random.default_rng(7)
+    rng = np.random.default_rng(1)
     # Without a receptance nothing but labels says where the lobes lie, and twenty widths off none of them does.
     plan = replace(planned(rng, speeds=20), receptances=())
     made = measured(plan, base_model(plan).nulls, rng)
@@ -85,7 +85,8 @@ def test_of_two_starts_the_higher_end_counts():
     wanted, lost = (held_out(comparison, start, before, 1, anew=False) for start in (fit.estimate, astray))
     both = (held_out(comparison, *starts, 1) for starts in ((astray, before), (fit.estimate, astray)))
     mine = np.isfinite(wanted.margin)
-    assert np.abs(lost.margin - wanted.margin)[mine].max() > 0.01
+    # Many times what is allowed below.
+    assert np.abs(lost.margin - wanted.margin)[mine].max() > 0.05
     # What 0.005 nats leave of a deviation of 0.02, on either side; far from the boundary margins are less sure.
     near = np.abs(wanted.margin) < 0.3
     for found in both:
