@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 #: Waves between two teeth that a scan may be told for.
 MOST_WAVES = 1e6
+#: Whole numbers of Python may be larger.
+LARGEST = float(np.finfo(float).max)
 #: What an effect may be said to change.
 CHANGES = ("bearing", "modes", "cut")
 #: What parameters may be called.
@@ -101,8 +103,9 @@ def _findings_of_scan(kind: "type[Effect]") -> Iterator[str]:
         yield f"scan: found {scan.parameter!r}; {nearest(str(scan.parameter), list(declared))}"
     elif not _is_tuple(scan.values) or not scan.values:
         yield f"scan: found {scan.values!r}, allowed: a tuple of values"
-    elif not _is_tuple(scan.shapes) or (scan.shapes and not kind.shapes):
-        yield f"scan: shapes: found {scan.shapes!r}, allowed: a tuple of values of the first of the effect's shapes"
+    elif not _is_tuple(scan.shapes) or (scan.shapes and (not kind.shapes or scan.parameter in kind.shapes)):
+        allowed = "beside a strength that is scanned a tuple of values of the first of the effect's shapes, else none"
+        yield f"scan: shapes: found {scan.shapes!r}, allowed: {allowed}"
     elif not (scan.waves is None or _is_number_of_waves(scan.waves)):
         yield f"scan: waves: found {scan.waves!r}, allowed: a number above 0, up to {MOST_WAVES:g}"
     else:
@@ -113,10 +116,14 @@ def _findings_of_scan(kind: "type[Effect]") -> Iterator[str]:
 
 
 def _beyond(key: str, values: tuple[float, ...], parameter: Parameter) -> Iterator[str]:
-    """Yield the first value that lies outside of a parameter's bounds."""
+    """Yield what is no number among values, or the first one that lies outside of a parameter's bounds."""
     lower, upper = parameter.lower, parameter.upper
-    beyond = [value for value in values if not lower <= value <= upper]
-    yield from (f"{key}: found {value:g}, allowed: {lower:g} to {upper:g}" for value in beyond[:1])
+    real = int | float | np.integer | np.floating
+    if odd := [value for value in values if isinstance(value, bool) or not isinstance(value, real)]:
+        yield f"{key}: found {odd[0]!r}, allowed: numbers"
+        return
+    beyond = [value for value in values if not (lower <= value <= upper and abs(value) <= LARGEST)]
+    yield from (f"{key}: found {str(value)[:20]}, allowed: {lower:g} to {upper:g}" for value in beyond[:1])
 
 
 def _is_number_of_waves(found: object) -> bool:

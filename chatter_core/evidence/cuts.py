@@ -147,11 +147,11 @@ def note_lines(
 def _forces(known: CutPrediction, stages: Stages, cuts: Cuts, setup: Setup, built: Structure) -> KnownForces | None:
     """Return the forces that repeat where a prediction was looked at, by its own stages and structure.
 
-    That is at its crossings and where it is heard; None where teeth are not moved unlike.
+    That is at its crossings and at cuts that are heard there; None where teeth are not moved unlike.
     """
     points = setup.points
     crossing = known.crossing[points]
-    # Just beyond a crossing the forces are those of the crossing.
+    # Those of a crossing lead to those just beyond it.
     at_the_cut = where_it_chatters(known.margin[points], crossing) == 0.0
     heard = cuts.heard[points] & np.isfinite(known.margin[points]) & at_the_cut
     at = np.concatenate([crossing, np.zeros(len(points))])

@@ -295,7 +295,7 @@ def chosen(
         if of_side and not any(np.array_equal(of_side[0][1], start) for _, start in chosen):
             chosen.append(of_side[0])
     most = max(still, key=lambda one: one[0], default=None)
-    if most is None or most[0] <= max((promise for promise, _ in chosen), default=SMALLEST_PROMISE):
+    if most is None or most[0] <= max([SMALLEST_PROMISE, *(promise for promise, _ in chosen)]):
         return chosen
     return chosen if any(np.array_equal(most[1], start) for _, start in chosen) else [*chosen, most]
 

@@ -141,6 +141,8 @@ EXAMPLE_TEXT = (EXAMPLE / "loosening_clamp.py").read_text()
 SETTING = '__import__("types").SimpleNamespace(name="axis", doc="which", choices=(), unused={})'
 
 
+#: One parameter more.
+TILT = 'Parameter(name="tilt", unit="", doc="tilt", prior_width=1.0, lower=0.0, upper=2.0)'
 #: What makes a scan, without an import in the user's file.
 SCAN = (
     "(lambda *own: __import__('chatter_core.effects').effects.Scan("
@@ -194,7 +196,7 @@ def with_unused(unused: str) -> str:
         (with_line("scan: ClassVar[Any] = 0.3"), r"mine.py: scan: found 0.3, allowed: Scan\(parameter="),
         (with_line(f"scan: ClassVar[Any] = {SCAN}('los', (0.1,))"), r"mine.py: scan: found 'los'; did you mean loss"),
         (with_line(f"scan: ClassVar[Any] = {SCAN}('loss', ())"), r"mine.py: scan: found \(\), allowed: a tuple"),
-        (with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1, 7.0))"), r"mine.py: scan: found 7, allowed: 0 to"),
+        (with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1, 7.0))"), r"mine.py: scan: found 7.0, allowed: 0 to"),
         (with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1,), 10**400)"), r"mine.py: scan: waves: found 1000"),
         (with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1,), float('nan'))"), r"mine.py: scan: waves: found nan,"),
         (
@@ -203,17 +205,21 @@ def with_unused(unused: str) -> str:
         ),
         (
             with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1,), None, (0.2,))"),
-            r"mine.py: scan: shapes: found \(0.2,\), allowed: a tuple of values of the first of the effect's shapes",
+            r"mine.py: scan: shapes: found \(0.2,\), allowed: beside a strength that is scanned a tuple of values",
+        ),
+        (
+            with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1, 'a'))"),
+            r"mine.py: scan: found 'a', allowed: numbers",
         ),
         (
             with_line(f"scan: ClassVar[Any] = {SCAN}('loss', (0.1,), None, 3)"),
             r"mine.py: scan: shapes: found 3, allowed",
         ),
         (
-            with_line(
-                'shapes: ClassVar[Any] = ("loss",)', f"scan: ClassVar[Any] = {SCAN}('loss', (0.1,), None, (9.0,))"
+            with_line("shapes: Any = ('tilt',)", f"scan: ClassVar[Any] = {SCAN}('loss', (0.1,), None, (9.0,))").replace(
+                "    )  # fmt", f"        {TILT},\n    )  # fmt"
             ),
-            r"mine.py: scan: shapes: found 9, allowed: 0 to",
+            r"mine.py: scan: shapes: found 9.0, allowed: 0 to",
         ),
         (with_line("shapes: ClassVar[Any] = None"), r"mine.py: shapes: found None, allowed: a tuple of names"),
         (with_line('settings: ClassVar[Any] = ("axis",)'), r"mine.py: settings: found 'axis', allowed: settings"),
