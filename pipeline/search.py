@@ -87,7 +87,7 @@ def singles(workers: Workers | None, base: Hypothesis, candidates: Sequence[Cand
 def _beside(
     workers: Workers | None, base: Hypothesis, candidates: Sequence[Candidate], wanted: Sequence[bool]
 ) -> tuple[list[Hypothesis], list[float]]:
-    """Return every candidate beside a base model, near its maximum, and the log evidence that it promised.
+    """Return every candidate beside a base model, near its maximum, and the log evidence that it may come to.
 
     Those that are not wanted stay at their nulls, and promise nothing. All others are looked at before any is climbed.
     One of the cut alone that promises less than another waits until that is climbed, and where it is out of reach then
@@ -104,16 +104,16 @@ def _beside(
 
     prospects: dict[int, Prospect] = answers("looked at", {i: beside(look, i) for i in numbers if wanted[i]})
     most = max((one.promise for one in prospects.values()), default=0.0)
-    later = {i for i, one in prospects.items() if one.is_of_cut and one.promise + CLOSE < most}
+    later = {i for i, one in prospects.items() if one.is_of_cut and one.hope + CLOSE < most}
 
     def calls(which: Iterable[int], climbed: Container[int]) -> dict[int, Callable[[], Any]]:
         return {i: partial(pursue, prospects[i]) if i in climbed else beside(stay, i) for i in which}
 
     found = answers("fitted", calls((i for i in numbers if i not in later), prospects))
     best = max((one.fit.log_evidence for one in found.values()), default=-np.inf) - base.fit.log_evidence
-    within_reach = {i for i in later if prospects[i].promise > best - OUT_OF_REACH}
+    within_reach = {i for i in later if prospects[i].hope > best - OUT_OF_REACH}
     found |= answers("fitted", calls(later, within_reach))
-    promised = [base.fit.log_evidence + prospects[i].promise if i in prospects else -np.inf for i in numbers]
+    promised = [base.fit.log_evidence + prospects[i].hope if i in prospects else -np.inf for i in numbers]
     return [found[i] for i in numbers], promised
 
 
@@ -179,9 +179,9 @@ def pairs_of(
 def _worth_fitting(prospects: Sequence[Prospect], least: float) -> list[Prospect]:
     """Return those that promise most, in variants of so many effects as SECONDS says, and no less than ``least``."""
     found: list[Prospect] = []
-    for one in sorted(prospects, key=lambda prospect: -prospect.promise):
+    for one in sorted(prospects, key=lambda prospect: -prospect.hope):
         names = {known.candidates[-1].name for known in found} | {one.candidates[-1].name}
-        if len(names) > SECONDS or one.promise < least:
+        if len(names) > SECONDS or one.hope < least:
             break
         found.append(one)
     return found

@@ -97,6 +97,14 @@ class Prospect:
         return max(promise for promise, _ in self.starts)
 
     @property
+    def hope(self) -> float:
+        """The most that is promised if a start that promises most as if no motion were forced does so with it [nats].
+
+        It says whether the effect is worth a climb, and nothing of what another has to surpass.
+        """
+        return max([self.promise, *(promise for promise, _ in self.still)])
+
+    @property
     def is_of_cut(self) -> bool:
         """Whether all parameters of the new effect are of the cut alone: then starts promise about what a climb gains.
 

@@ -78,6 +78,24 @@ def test_what_promises_far_less_than_another_gained_is_not_climbed(base, done, m
     assert found.ranking[0].gain == pytest.approx(everything.ranking[0].gain, abs=1.2)
 
 
+def test_what_promises_much_without_the_motion_that_it_forces_is_climbed(base, done, monkeypatch):
+    """Where the motion hides what the right delays gain, an effect would stay at its null for it."""
+
+    def look(*arguments):
+        seen = pursuit.look(*arguments)
+        hidden = seen.candidates[-1].name == "radial_immersion_error"
+        return replace(seen, still=[(100.0, seen.at_null.values)]) if hidden else seen
+
+    monkeypatch.setattr(search, "look", look)
+    monkeypatch.setattr(search, "GROUNDS", 1)
+    monkeypatch.setattr(search, "CLOSE", 0.0)
+    monkeypatch.setattr(search, "OUT_OF_REACH", 1.0)
+    search.singles(None, base, CANDIDATES)
+    # It counts for itself: what another has to come near to is what is promised of it as it is.
+    assert sorted(of(done, "pursue")) == sorted(NAMES)
+    assert of(done, "stay") == []
+
+
 def test_beside_a_better_base_model_only_what_is_in_reach_is_looked_at_again(base, done, monkeypatch):
     # Any base model counts as risen, and nothing but the best as in reach.
     monkeypatch.setattr(search, "RISEN", -np.inf)
