@@ -29,8 +29,8 @@ from chatter_core.teeth import Engagement, Passages, Teeth
 
 Array = NDArray[np.float64]
 
-#: Samples of the force in a mean pitch, and how much finer the motion is.
-SAMPLES, FINER = 32, 3
+#: Samples of force and motion in a mean pitch.
+SAMPLES = 48
 #: Forces lead to those of a cut that differs by no more than this in ln(depth).
 NEAR_DEPTH = 0.05
 #: Slices of a helical edge, parts of it that are in contact for themselves: so many at least and at most, and no wider
@@ -40,6 +40,10 @@ FEWEST, MOST, WIDEST, SHARE_OF_ARC = 2, 16, 0.5, 0.5
 OF_PASSAGES = ("ahead", "pitches", "longer", "lower", "upper")
 #: Stretches of a revolution on which one edge follows one other, at most; the motion may part one into several.
 STRETCHES = 4
+#: Looks at whom an edge follows in a sample of the motion: shorter stretches may be missed until they have grown.
+LOOKS = 6
+#: By this share of the work an edge is looked at inside of where it enters and leaves.
+JUST_INSIDE = 1e-6
 #: Halvings of the interval in which a stretch ends.
 BISECTIONS = 22
 
@@ -49,7 +53,7 @@ class Contact:
     """Who cuts what on the motion that the cut forces.
 
     passages: with entries and exits of every point (point, passage); motion: the tip's displacement (point, sample, 2)
-    [m] at equal times of a revolution, from when the first tooth is at angle 0; force (point, 2, sample) [N], at fewer;
+    [m] at equal times of a revolution, from when the first tooth is at angle 0; force (point, 2, sample) [N];
     found: (point,), False where Newton's method has not arrived.
     """
 
@@ -105,7 +109,7 @@ def forced_contact(
     longer = np.array([teeth.radius[tooth] - np.roll(teeth.radius, -tooth - 1) for tooth in range(count)])
     ahead = 2.0 * math.pi / count * np.concatenate([[0.0], np.cumsum(teeth.pitch)[:-1]])
     samples = count * SAMPLES
-    motion, found = np.zeros((len(lag), 2, samples * FINER)), np.zeros(len(lag), dtype=np.bool_)
+    motion, found = np.zeros((len(lag), 2, samples)), np.zeros(len(lag), dtype=np.bool_)
     force = np.full((len(lag), 2, samples), np.nan) if known is None else known.near(cut.spindle_speed, cut.axial_depth)
     half = system.half_spectrum
     modes = Modes(half.poles, half.seen, half.driven)
@@ -228,12 +232,14 @@ def _meet(  # type: ignore[no-untyped-def]
 def _follow(cut, motion, edge, begin, end):  # type: ignore[no-untyped-def]
     """Fill in the angles (k, stretch) between which an edge follows the k-th tooth before it."""
     samples, entry, leave = motion.shape[1], cut.entry, cut.leave
-    pieces = math.ceil((leave - entry) * samples / (2.0 * math.pi))
+    pieces = math.ceil((leave - entry) * LOOKS * samples / (2.0 * math.pi))
     filled = np.zeros(cut.passed.shape[1], np.int64)
-    now, start = _whom(cut, motion, edge, entry), entry
+    # Where the chip begins and ends with nothing rounding would say who cuts.
+    inside = JUST_INSIDE * (leave - entry)
+    now, start = _whom(cut, motion, edge, entry + inside), entry
     for piece in range(pieces):
         high = entry + (leave - entry) * (piece + 1) / pieces
-        following = _whom(cut, motion, edge, high)
+        following = _whom(cut, motion, edge, min(high, leave - inside))
         # Several may take turns within a piece, however briefly.
         for _ in range(len(filled)):
             if now == following:

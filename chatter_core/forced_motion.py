@@ -1,10 +1,10 @@
 """The motion that unlike teeth force: the cutting force that repeats with the revolution.
 
-Force and motion are those of ``chatter_core.contact``, at equal samples of a revolution; between samples the force is
-linear, which a linear system answers exactly. The motion grows out of that of shallow cuts, so it is followed through
-depths from none, and Newton's method does the rest. Deep cuts may repeat in several ways: chatter that loses contact
-may do so with the revolution, too, and steps from rest end there, at a motion that stays and is not the forced one.
-They are left to cuts of which this finds none.
+Force and motion are those of ``chatter_core.contact``, at equal samples of a revolution. Between samples the force is
+linear, which a linear system answers exactly, once it is sharpened by what lines take off its waves; the motion is a
+cubic. It grows out of that of shallow cuts, so it is followed through depths from none, and Newton's method does the
+rest. Deep cuts may repeat in several ways: chatter that loses contact may do so with the revolution, too, and steps
+from rest end there, at a motion that stays and is not the forced one. They are left to cuts of which this finds none.
 
 Sources: J. Tlusty, F. Ismail, CIRP Ann. 30 (1981) 299-304 (steps through time, chatter that loses contact); L.
 Qi, J. Sun, Math. Program. 58 (1993) 353-367 (Newton's method where slopes jump).
@@ -194,32 +194,41 @@ def nearby_force(cut, modes, revolution, near):  # type: ignore[no-untyped-def]
 
 @compiled
 def move(steps, force, motion):  # type: ignore[no-untyped-def]
-    """Fill in the motion (2, time) under forces (2, sample) that repeat; times may be finer than samples, as steps are.
+    """Fill in the motion (2, sample) under forces (2, sample) that repeat.
 
     See docs/physics.md#forced-motion.
     """
-    state = np.zeros(steps.grown.shape)
-    _revolve(steps, force, state, motion)
+    state, sharpened = np.zeros(steps.grown.shape), np.empty_like(force)
+    _sharpen(force, sharpened)
+    _revolve(steps, sharpened, state, motion)
     for n in range(state.shape[1]):
         left = complex(state[0, n], state[1, n]) * complex(steps.forever[0, n], steps.forever[1, n])
         state[0, n], state[1, n] = left.real, left.imag
-    _revolve(steps, force, state, motion)
+    _revolve(steps, sharpened, state, motion)
+
+
+@compiled
+def _sharpen(force, sharpened):  # type: ignore[no-untyped-def]
+    """Fill in forces (2, sample) of which straight lines have the waves of these.
+
+    By themselves lines between samples take off a twelfth of a wave whose angle turns by one between them.
+    """
+    samples = force.shape[1]
+    for axis in range(2):
+        for j in range(samples):
+            here, after = force[axis, j], force[axis, j + 1 if j + 1 < samples else 0]
+            sharpened[axis, j] = here - (force[axis, j - 1] - 2.0 * here + after) / 12.0
 
 
 @compiled
 def _revolve(steps, force, state, motion):  # type: ignore[no-untyped-def]
-    """Bring states (part, pole) forward by a revolution, and fill in the motion (2, time) meanwhile."""
-    times, samples = motion.shape[1], force.shape[1]
-    finer = times // samples
+    """Bring states (part, pole) forward by a revolution, and fill in the motion (2, sample) meanwhile."""
     # Here all the time goes, and names of their own let the compiler take several modes at once.
     grown_real, grown_imaginary, real, imaginary = steps.grown[0], steps.grown[1], state[0], state[1]
     (x_real, x_imaginary), (y_real, y_imaginary) = steps.seen
     (along_real, along_imaginary), (across_real, across_imaginary) = steps.driven
-    for j in range(times):
-        before = j // finer
-        part, after = j / finer - before, before + 1 if before + 1 < samples else 0
-        along = (1.0 - part) * force[0, before] + part * force[0, after]
-        across = (1.0 - part) * force[1, before] + part * force[1, after]
+    for j in range(force.shape[1]):
+        along, across = force[0, j], force[1, j]
         x = y = 0.0
         for n in range(len(real)):
             now, turned = real[n], imaginary[n]
@@ -256,7 +265,10 @@ def _step(steps, state, along, across):  # type: ignore[no-untyped-def]
 
 @compiled
 def at(motion, place):  # type: ignore[no-untyped-def]
-    """Return the motion at a place between samples, linear between them.
+    """Return the motion at a place between samples, by the cubic through the two before and the two behind.
+
+    Teeth of unequal pitch meet surfaces that were left between samples: a straight line there would take an eighth off
+    the waves of a mode of which there are six samples to each.
 
     See docs/physics.md#forced-motion.
     """
@@ -267,9 +279,16 @@ def at(motion, place):  # type: ignore[no-untyped-def]
     if not 0 <= low < samples:
         # Mostly in the revolution before: a remainder would cost more than all else here.
         low = low + samples if -samples <= low < 0 else low % samples
+    lower = low - 1 if low > 0 else samples - 1
     high = low + 1 if low + 1 < samples else 0
-    left = 1.0 - part
-    return left * motion[0, low] + part * motion[0, high], left * motion[1, low] + part * motion[1, high]
+    higher = high + 1 if high + 1 < samples else 0
+    left, more, less = 1.0 - part, 1.0 + part, 2.0 - part
+    outer, inner = part * left / 6.0, more * less / 2.0
+    first, second, third, fourth = -outer * less, left * inner, part * inner, -outer * more
+    return (
+        first * motion[0, lower] + second * motion[0, low] + third * motion[0, high] + fourth * motion[0, higher],
+        first * motion[1, lower] + second * motion[1, low] + third * motion[1, high] + fourth * motion[1, higher],
+    )
 
 
 @compiled
@@ -307,17 +326,27 @@ def _sampled(cut, samples):  # type: ignore[no-untyped-def]
 
 @compiled
 def _share_inside(angle, width, entry, leave):  # type: ignore[no-untyped-def]
-    """Return the share of the angles about one that lie in the cut; the cut may reach over the full turn."""
+    """Return the share in the cut of the angles about one, nearer ones counting more; the cut may reach over a turn.
+
+    By the same straight lines that join forces between samples: what they add up to, and about when, is kept so where
+    the cut begins and ends.
+    """
     share = 0.0
     for around in (-2.0 * math.pi, 0.0, 2.0 * math.pi):
-        low, high = max(angle + around - 0.5 * width, entry), min(angle + around + 0.5 * width, leave)
-        share += max(high - low, 0.0) / width
+        share += _before((leave - angle - around) / width) - _before((entry - angle - around) / width)
     return share
 
 
 @compiled
+def _before(place):  # type: ignore[no-untyped-def]
+    """Return the share before a place, in samples, of what rises by a line from the sample before, and falls so."""
+    left = 1.0 - min(abs(place), 1.0)
+    return 0.5 * left**2 if place < 0.0 else 1.0 - 0.5 * left**2
+
+
+@compiled
 def _finer(force, samples):  # type: ignore[no-untyped-def]
-    """Return forces (2, coarse sample) at more samples, linear between."""
+    """Return forces (2, coarse sample) at more samples."""
     result = np.empty((2, samples))
     for j in range(samples):
         result[0, j], result[1, j] = at(force, j * force.shape[1] / samples)
