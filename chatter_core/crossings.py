@@ -121,17 +121,20 @@ def find_crossings(
     )
     intervals = _first_intervals(depth, known)
     while len(intervals.speed):
-        lost = ~np.all(np.isfinite(intervals.multiplier), axis=1, keepdims=True)[:, 0]
-        np.minimum.at(unknown_from, intervals.speed[lost], intervals.depth[lost, 0])
-        intervals = intervals.select(~lost)
+        below, above = np.isfinite(intervals.multiplier).T
+        lost = ~(below & above)
         small = intervals.width <= finest * (1.0 + 1e-9)
+        # A limit may lie before the depth from which on there are no answers: that is found, too.
+        edge = below & ~above & ~small
+        np.minimum.at(unknown_from, intervals.speed[lost & ~edge], intervals.depth[lost & ~edge, 0])
+        edges, intervals, small = intervals.select(edge), intervals.select(~lost), small[~lost]
         closed, plain = _judge(intervals, coarsest)
         brackets = brackets.then(intervals.select(intervals.crossed & (plain | small)))
         # A half deviates from its own chord by a quarter as much, where it is smooth.
         nearest = np.abs(intervals.growth).min(axis=1)
         doubtful = small & ~intervals.crossed & (nearest < 0.25 * intervals.deviation)
         suspicious[intervals.speed[doubtful]] = True
-        intervals = _halve(intervals.select(~(closed | plain | small)), multipliers)
+        intervals = _halve(intervals.select(~(closed | plain | small)).then(edges), multipliers)
     limits, room = _roots(brackets, multipliers, unknown_from, speeds, most)
     return Crossings(depth=limits, complete=room & ~suspicious & np.isinf(unknown_from))
 

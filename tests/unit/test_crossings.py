@@ -88,6 +88,18 @@ def test_beyond_what_is_not_known_nothing_is_said():
     assert np.isfinite(found.depth[0]).sum() == 1
 
 
+def test_a_limit_before_answers_end_is_found_however_far_apart_the_first_depths_are():
+    """Deep cuts of unlike teeth may have no motion that repeats, at several times the limit."""
+    curve = Curve(lambda d: np.nan if d > 7e-3 else -0.8 + 200.0 * d, lambda d: np.nan if d > 7e-3 else -2.0 + 200.0 * d)
+    found = curve.search()
+    assert found.depth[0, 0] == pytest.approx(4e-3, abs=DEPTH_TOLERANCE)
+    assert np.isnan(found.depth[0, 1:]).all()
+    assert np.isnan(found.depth[1]).all()
+    assert found.complete.tolist() == [False, False]
+    # Where answers end is found by halving, to 1/64 of the deepest.
+    assert curve.asked.max() <= 24
+
+
 def test_more_crossings_than_are_kept_are_not_complete():
     found = Curve(lambda d: np.sin(d * np.pi / 5e-4 + 0.3)).search(np.linspace(1e-4, 1e-2, 120), most=8)
     assert np.isfinite(found.depth[0]).all()
