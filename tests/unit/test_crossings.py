@@ -90,7 +90,11 @@ def test_beyond_what_is_not_known_nothing_is_said():
 
 def test_a_limit_before_answers_end_is_found_however_far_apart_the_first_depths_are():
     """Deep cuts of unlike teeth may have no motion that repeats, at several times the limit."""
-    curve = Curve(lambda d: np.nan if d > 7e-3 else -0.8 + 200.0 * d, lambda d: np.nan if d > 7e-3 else -2.0 + 200.0 * d)
+
+    def until(rising):
+        return lambda d: rising(d) if d < 7e-3 else np.nan
+
+    curve = Curve(until(lambda d: -0.8 + 200.0 * d), until(lambda d: -2.0 + 200.0 * d))
     found = curve.search()
     assert found.depth[0, 0] == pytest.approx(4e-3, abs=DEPTH_TOLERANCE)
     assert np.isnan(found.depth[0, 1:]).all()
