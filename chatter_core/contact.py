@@ -38,8 +38,9 @@ NEAR_DEPTH = 0.05
 FEWEST, MOST, WIDEST, SHARE_OF_ARC = 2, 16, 0.5, 0.5
 #: Fields of passages that all points share.
 OF_PASSAGES = ("ahead", "pitches", "longer", "lower", "upper")
-#: Stretches of a revolution on which one edge follows one other, at most; the motion may part one into several.
-STRETCHES = 4
+#: Stretches of a revolution on which one edge follows one other, at most: the motion parts one into several. Of 720
+#: cuts of unlike pitches none has more; where one does, its motion counts as not found.
+STRETCHES = 12
 #: Looks at whom an edge follows in a sample of the motion: shorter stretches may be missed until they have grown.
 LOOKS = 6
 #: By this share of the work an edge is looked at inside of where it enters and leaves.
@@ -54,7 +55,7 @@ class Contact:
 
     passages: with entries and exits of every point (point, passage); motion: the tip's displacement (point, sample, 2)
     [m] at equal times of a revolution, from when the first tooth is at angle 0; force (point, 2, sample) [N];
-    found: (point,), False where Newton's method has not arrived.
+    found: (point,), False where Newton's method has not arrived, or an edge begins and ends to follow too often.
     """
 
     passages: Passages
@@ -225,12 +226,12 @@ def _meet(  # type: ignore[no-untyped-def]
         move(steps_of(own, revolutions[p], motions.shape[2]), force, motions[p])
         found[p] = found[p] and np.isfinite(motions[p]).all()
         for e in range(edges):
-            _follow(cut, motions[p], e, begin[p, e], end[p, e])
+            found[p] = _follow(cut, motions[p], e, begin[p, e], end[p, e]) and found[p]
 
 
 @compiled
 def _follow(cut, motion, edge, begin, end):  # type: ignore[no-untyped-def]
-    """Fill in the angles (k, stretch) between which an edge follows the k-th tooth before it."""
+    """Fill in the angles (k, stretch) between which an edge follows the k-th tooth before it; tell whether all fit."""
     samples, entry, leave = motion.shape[1], cut.entry, cut.leave
     pieces = math.ceil((leave - entry) * LOOKS * samples / (2.0 * math.pi))
     filled = np.zeros(cut.passed.shape[1], np.int64)
@@ -238,8 +239,8 @@ def _follow(cut, motion, edge, begin, end):  # type: ignore[no-untyped-def]
     inside = JUST_INSIDE * (leave - entry)
     now, start = _whom(cut, motion, edge, entry + inside), entry
     for piece in range(pieces):
-        high = entry + (leave - entry) * (piece + 1) / pieces
-        following = _whom(cut, motion, edge, min(high, leave - inside))
+        high = min(entry + (leave - entry) * (piece + 1) / pieces, leave - inside)
+        following = _whom(cut, motion, edge, high)
         # Several may take turns within a piece, however briefly.
         for _ in range(len(filled)):
             if now == following:
@@ -257,16 +258,15 @@ def _follow(cut, motion, edge, begin, end):  # type: ignore[no-untyped-def]
         now = following
     if now >= 0:
         _note(now, start, leave, filled, begin, end)
+    return filled.max() <= begin.shape[1]
 
 
 @compiled
 def _note(k, start, stop, filled, begin, end):  # type: ignore[no-untyped-def]
-    """Write a stretch down; one too many lengthens the last."""
-    place = min(filled[k], begin.shape[1] - 1)
-    if filled[k] == place:
-        begin[k, place] = start
-    end[k, place] = stop
-    filled[k] = place + 1
+    """Write a stretch down where there is room for it, and count it."""
+    if filled[k] < begin.shape[1]:
+        begin[k, filled[k]], end[k, filled[k]] = start, stop
+    filled[k] += 1
 
 
 @compiled

@@ -127,6 +127,7 @@ def find_crossings(
         # A limit may lie before the depth from which on there are no answers: that is found, too.
         edge = below & ~above & ~small
         np.minimum.at(unknown_from, intervals.speed[lost & ~edge], intervals.depth[lost & ~edge, 0])
+        edge &= intervals.depth[:, 0] < unknown_from[intervals.speed]
         edges, intervals, small = intervals.select(edge), intervals.select(~lost), small[~lost]
         closed, plain = _judge(intervals, coarsest)
         brackets = brackets.then(intervals.select(intervals.crossed & (plain | small)))

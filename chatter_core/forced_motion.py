@@ -27,9 +27,9 @@ LONG, CORRECTIONS = 150, 2
 #: Shares of its size by which a motion still changes with a revolution: near enough for Newton's method, and repeating.
 NEAR, REPEATS = 1e-2, 1e-4
 #: Newton steps at most, and halvings of one that does not come nearer.
-STEPS, HALVINGS = 16, 5
+STEPS, HALVINGS = 30, 5
 #: It gives up where so many steps have not come nearer than this share of the nearest before: it goes in circles.
-PATIENCE, NEARER = 4, 0.7
+PATIENCE, NEARER = 8, 0.7
 #: Below this size of z sums tell (e^z - 1) / z and (e^z - 1 - z) / z^2, of so many terms, to rounding.
 NEAR_ZERO, TERMS = 0.5, 16
 #: Samples in a mean pitch while a motion is followed from none.

@@ -98,9 +98,9 @@ class Prospect:
 
     @property
     def hope(self) -> float:
-        """The most that is promised if a start that promises most as if no motion were forced does so with it [nats].
+        """The most that is promised with the motion that unlike teeth force or as if none were [nats].
 
-        It says whether the effect is worth a climb, and nothing of what another has to surpass.
+        Whether the effect is worth a climb hangs on it; whether another is, on what this one promises as it is.
         """
         return max([self.promise, *(promise for promise, _ in self.still)])
 
