@@ -14,13 +14,13 @@ from chatter_core.machine import Machine
 RPM = 2.0 * np.pi / 60.0
 
 
-def tip_machine(**process):
+def tip_machine(teeth=2, **process):
     """One measured mode on either axis; two straight teeth in half immersion, unless said otherwise."""
     mode = {"natural_frequency_hz": 600.0, "damping_ratio": 0.03, "stiffness_n_um": 10.0}
     return Machine.model_validate(
         {
             "tip": {"modes": [{"axis": "x", **mode}, {"axis": "y", **mode, "natural_frequency_hz": 660.0}]},
-            "tool": {"teeth": 2, "diameter_mm": 12.0, "helix_angle_deg": 0.0, "rake_angle_deg": 0.0},
+            "tool": {"teeth": teeth, "diameter_mm": 12.0, "helix_angle_deg": 0.0, "rake_angle_deg": 0.0},
             "cutting": {"kt_mpa": 700.0, "kn": 0.3, "friction_coefficient": 0.0},
             "process": {"direction": "down", "radial_immersion": 0.5, "feed_per_tooth_mm": 0.1, **process},
         }

@@ -401,9 +401,15 @@ def test_the_forced_motion_is_the_one_that_a_cut_settles_on(reference_machine: M
         assert found == pytest.approx(tip, abs=0.02 * np.abs(met.motion).max())
 
 
+def drawn(count: int):
+    """Return speeds [rad/s] and depths [m] of cuts on both sides of the boundary, (cut,) each."""
+    rng = np.random.default_rng(1)
+    return rng.uniform(3000.0, 14000.0, count) * RPM, rng.uniform(1e-3, 3.5e-3, count)
+
+
 def test_growth_hardly_hangs_on_the_samples_of_the_motion(reference_machine: Machine, monkeypatch):
-    rng, count = np.random.default_rng(1), 48
-    speed, depth = rng.uniform(3000.0, 14000.0, count) * RPM, rng.uniform(1e-3, 3.5e-3, count)
+    count = 48
+    speed, depth = drawn(count)
     stages, point = model(reference_machine, 200.0), np.arange(count)
     built = structure(stages, speed, mode_count=4)
 
@@ -485,8 +491,7 @@ def test_growth_does_not_leap_between_depths(effect, values, rpm, up_milling: Ma
 def test_cuts_settle_where_they_are_predicted_to(reference_machine: Machine):
     """Cut in the time domain from rest, shallow and deep, where Newton's method alone finds no motion for some."""
     runout_um, count, revolutions, teeth = 200.0, 48, 150, reference_machine.tool.teeth
-    rng = np.random.default_rng(1)
-    speed, depth = rng.uniform(3000.0, 14000.0, count) * RPM, rng.uniform(1e-3, 3.5e-3, count)
+    speed, depth = drawn(count)
     stages, point = model(reference_machine, runout_um), np.arange(count)
     built = structure(stages, speed, mode_count=4)
     growth = np.log(np.abs(critical_multipliers(stages, built, point, depth, FITTING_METHOD, np.ones(count))))

@@ -55,8 +55,7 @@ def test_margins_are_measured_from_the_limit_depth():
 
 def test_chatter_is_heard_where_it_grows_also_where_its_growth_leaps():
     """Before a leap, as where another tooth comes to cut, there is another motion: rounding would tell which."""
-    machine = tip_machine()
-    machine = machine.model_copy(update={"tool": machine.tool.model_copy(update={"teeth": 3})})
+    machine = tip_machine(teeth=3)
     # Of 22 speeds those at which it leaps, and some others.
     speeds = np.linspace(2500.0, 8000.0, 22)[[1, 5, 10, 18]] * RPM
     speed, depth = np.meshgrid(speeds, np.geomspace(5e-4, 8e-3, 8), indexing="ij")

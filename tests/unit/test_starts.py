@@ -39,8 +39,7 @@ FEW_OF_THREE = replace(SINUSOIDAL, scan=FEWER.scan)
 def judged(new: Candidate, speeds, true, teeth=2):
     """A campaign whose labels are those of the model with an effect, without noise and without chatter frequencies."""
     speed, depth = (axis.ravel() for axis in np.meshgrid(speeds, DEPTHS, indexing="ij"))
-    machine = tip_machine()
-    machine = machine.model_copy(update={"tool": machine.tool.model_copy(update={"teeth": teeth})})
+    machine = tip_machine(teeth=teeth)
     plan = campaign(machine, trials=trials(speed, depth))
     model = CampaignModel(campaign=plan, terms=(new.term,))
     values = np.array([true.get(p.name.split(".")[-1], p.null) for p in model.parameters])

@@ -47,8 +47,7 @@ def test_no_more_modes_are_restored_than_were_measured(measured, expected):
     [(2, ["linear"]), (3, ["linear", "sinusoidal"]), (4, ["linear", "alternating"]), (5, ["linear"])],
 )
 def test_pitches_are_tried_that_say_something_else_of_so_many_teeth(teeth, expected):
-    machine = tip_machine()
-    machine = machine.model_copy(update={"tool": machine.tool.model_copy(update={"teeth": teeth})})
+    machine = tip_machine(teeth=teeth)
     found = candidates_of(base_model(campaign(machine, trials=trials(SPEED, DEPTH))), Content())
     assert [one.settings["pattern"] for one in found if one.name == "variable_pitch"] == expected
 
