@@ -9,7 +9,7 @@ from chatter_core.evidence.belief import Belief, fitted
 from chatter_core.evidence.campaign import Campaign
 from chatter_core.evidence.candidates import Hypothesis
 from chatter_core.evidence.comparison import Comparison
-from chatter_core.evidence.measured import Receptance, measuring_ranges
+from chatter_core.evidence.measured import DIRECTIONS, Receptance, measuring_ranges
 from chatter_core.evidence.newton import Climb
 from chatter_core.evidence.next_trial import NextTrial
 from chatter_core.evidence.parameters import Array, column
@@ -19,12 +19,14 @@ from chatter_core.machine import Machine
 from chatter_core.tip import AXES
 
 #: What measurements cost, in cuts. A guess of what a shop spends on each: a hammer at rest, a probe without contact
-#: where the tool turns, and a cut with another feed or width is a cut.
+#: where the tool turns, and a cut with another feed, width or direction is a cut.
 CUT, AT_REST, TURNING = 1.0, 3.0, 8.0
 #: More than this need not be known: it settles the question [nats].
 SETTLED = 10.0
 #: Feeds and widths that are tried, over those of the machine.
 OTHER_FEEDS, OTHER_WIDTHS = (0.4, 2.0), (0.5, 1.5)
+#: Milling the other way. A slot does both, and its width is the tool's.
+OTHER_WAY = {"down": "up", "up": "down"}
 #: Frequencies of a planned receptance [rad/s], where none was measured that shows the range.
 FREQUENCIES = 2.0 * np.pi * np.linspace(100.0, 4000.0, 391)
 
@@ -51,16 +53,23 @@ class NextMeasurement:
 def other_cuts(machine: Machine) -> dict[str, dict[str, float]]:
     """Return kinds of cuts that differ from the machine's own in one setting, with that setting (SI).
 
+    A direction is given by its position in measured.DIRECTIONS.
+
     See docs/physics.md#diagnosis.
     """
     process, kinds = machine.process, {}
     for share in OTHER_FEEDS:
         feed = share * process.feed_per_tooth
         kinds[f"cut with {1e3 * feed:.3g} mm per tooth"] = {"feed_per_tooth": feed}
-    for share in OTHER_WIDTHS if process.direction != "slot" else ():
+    if process.direction not in OTHER_WAY:
+        return kinds
+    for share in OTHER_WIDTHS:
         width = share * process.radial_immersion
         if width < 1.0:
             kinds[f"cut with a radial immersion of {width:.2f}"] = {"radial_immersion": width}
+    if process.radial_immersion < 1.0:
+        other = OTHER_WAY[process.direction]
+        kinds[f"cut in {other}-milling"] = {"direction": DIRECTIONS.index(other)}
     return kinds
 
 

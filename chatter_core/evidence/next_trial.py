@@ -36,7 +36,8 @@ class NextTrial:
 def next_trial(one: Hypothesis, other: Hypothesis, **stated: float) -> NextTrial | None:
     """Return the cut whose label parts two hypotheses best; None without cuts, whose range is kept to.
 
-    stated: radial_immersion or feed_per_tooth [m] of the cut, where they are not the machine's.
+    stated: radial_immersion, feed_per_tooth [m] or direction (position in measured.DIRECTIONS) of the cut, where they
+    are not the machine's.
 
     See docs/physics.md#diagnosis.
     """
@@ -71,7 +72,7 @@ def _plan(speeds: Array, depths: Array, stated: Mapping[str, float]) -> Trials:
         preload=nothing,
         radial_immersion=setting.get("radial_immersion", nothing),
         feed_per_tooth=setting.get("feed_per_tooth", nothing),
-        direction=np.full(len(grid[0]), NO_WORD, dtype=np.int8),
+        direction=np.full(len(grid[0]), stated.get("direction", NO_WORD), dtype=np.int8),
         unknown={},
     )
 

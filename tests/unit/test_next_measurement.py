@@ -9,7 +9,7 @@ from chatter_core.effects import variants
 from chatter_core.evidence import CampaignModel, Comparison, base_model, calibrate
 from chatter_core.evidence.candidates import Candidate, Hypothesis, carried, extended
 from chatter_core.evidence.fit import fit
-from chatter_core.evidence.measured import OUTCOMES, Limits
+from chatter_core.evidence.measured import DIRECTIONS, OUTCOMES, Limits
 from chatter_core.evidence.next_measurement import AT_REST, TURNING, divergence, next_receptances, other_cuts
 from chatter_core.evidence.next_trial import expected_chatter, next_trial
 from tests.synthetic import RPM, campaign, tip_machine, trials
@@ -97,7 +97,7 @@ def test_a_doubt_that_both_share_makes_a_measurement_tell_less():
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def testdivergence_is_that_of_two_normal_distributions(seed):
+def test_divergence_is_that_of_two_normal_distributions(seed):
     """Against the covariances themselves, inverted as they stand."""
     rng = np.random.default_rng(seed)
     one, other = ((rng.standard_normal(7), rng.standard_normal((7, 3))) for _ in range(2))
@@ -116,6 +116,13 @@ def test_other_cuts_stay_within_what_a_cut_can_be():
         {"feed_per_tooth": pytest.approx(4e-5)},
         {"feed_per_tooth": pytest.approx(2e-4)},
         {"radial_immersion": pytest.approx(0.4)},
+        {"direction": DIRECTIONS.index("up")},
+    ]
+    across = tip_machine(direction="up", radial_immersion=1.0)
+    assert list(other_cuts(across)) == [
+        "cut with 0.04 mm per tooth",
+        "cut with 0.2 mm per tooth",
+        "cut with a radial immersion of 0.50",
     ]
     slot = tip_machine(direction="slot", radial_immersion=1.0)
     assert all("feed_per_tooth" in own for own in other_cuts(slot).values())
@@ -127,6 +134,20 @@ def test_a_cut_with_another_width_is_planned_so(base):
     thin = at(base, "radial_immersion_error", offset=0.1)
     wide, narrow = (next_trial(base, thin, radial_immersion=width) for width in (0.75, 0.25))
     assert (wide.spindle_speed, wide.axial_depth) != (narrow.spindle_speed, narrow.axial_depth)
+
+
+def up_milling(hypothesis):
+    """The same hypothesis of the same cuts by a machine that mills up."""
+    model = hypothesis.comparison.model
+    turned = replace(model, campaign=replace(model.campaign, machine=tip_machine(direction="up")))
+    return replace(hypothesis, comparison=replace(hypothesis.comparison, model=turned))
+
+
+def test_a_cut_in_the_other_direction_is_one_by_a_machine_that_mills_so(base):
+    wide = at(base, "radial_immersion_error", offset=0.1)
+    cut = next_trial(base, wide, direction=DIRECTIONS.index("up"))
+    assert cut == next_trial(up_milling(base), up_milling(wide))
+    assert cut != next_trial(base, wide)
 
 
 def test_limiting_depths_are_cuts_by_whose_range_the_next_one_is_planned(base):
