@@ -88,7 +88,7 @@ class Diagnosis(ShownAsCard):
     def card(self) -> Card:
         """Return the verdict, and how probable the first of the ranking are."""
         columns = ("missing", "probability", "gain in nats")
-        rows = tuple((one.name, f"{one.probability:.3f}", f"{one.gain:+.1f}") for one in self.ranking[:SHOWN])
+        rows = tuple((one.name, f"{one.probability:.3f}", one.told_gain) for one in self.ranking[:SHOWN])
         title = f"Diagnosis: {self.verdict.kind}. {self.verdict.text}"
         return Card(title=title, rows=rows, columns=columns)
 

@@ -62,9 +62,8 @@ def ranking(found: Diagnosis) -> Figure:
     # What is no evidence looks like none; what is any says how much, for on such an axis lengths say little.
     right.set_xlim(-1.5 * ENOUGH, max(float(gains.max()) * 1.3, 3.0 * ENOUGH))
     right.set_ylim(-0.7, len(rows) - 0.3)
-    for row, gain in zip(rows, gains, strict=True):
-        told = f"{round(gain, 1) + 0.0:+.1f}"
-        right.text(1.02, row, told, transform=right.get_yaxis_transform(), va="center", fontsize="small")
+    for row, one in zip(rows, shown, strict=True):
+        right.text(1.02, row, one.told_gain, transform=right.get_yaxis_transform(), va="center", fontsize="small")
     right.set_xlabel("evidence over that of the base model [nats]")
     for axes in (left, right):
         axes.grid(alpha=0.3, axis="x")

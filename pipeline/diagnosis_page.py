@@ -78,7 +78,7 @@ def ranking_rows(found: Diagnosis) -> list[list[str]]:
         change = "" if after is None or before is None else f"{_hundredths(before)} to {_hundredths(after)} %"
         # A pair stands beside the ranking, by its evidence.
         probability = "" if one is found.pair else f"{one.probability:.3f}"
-        rows.append([one.name, probability, f"{one.gain:+.1f}", change, "; ".join(told)])
+        rows.append([one.name, probability, one.told_gain, change, "; ".join(told)])
     return rows
 
 

@@ -28,6 +28,11 @@ class Ranked:
     gain: float
     best: Hypothesis
 
+    @property
+    def told_gain(self) -> str:
+        """The gain as it is shown, with its sign; what rounds to nothing is no loss."""
+        return f"{round(self.gain, 1) + 0.0:+.1f}"
+
 
 def rank(
     base: Hypothesis, hypotheses: Sequence[Hypothesis], variants_of: Mapping[str, int] | None = None

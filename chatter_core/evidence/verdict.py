@@ -220,17 +220,18 @@ def _two(pairs: Sequence[Ranked], left: Mapping[str, Sequence[Failure]]) -> Verd
 
 def _nothing(ranking: Sequence[Ranked], powers: Sequence[Power]) -> Verdict:
     first = ranking[0]
-    if first.probability < NOTHING_NAMED:
-        return _perhaps(ranking)
+    is_told, stands_out = first.probability >= NOTHING_NAMED, len(not_ruled_out(ranking)) > 1
     names = {power.candidate.name for power in powers}
     blind = [power for power in powers if power.nats < ENOUGH]
     seen = {power.candidate.name for power in powers if power.nats >= ENOUGH}
-    if len(seen) < SEEN_SHARE * len(names):
+    if len(seen) < SEEN_SHARE * len(names) and (is_told or not stands_out):
         text = (
             f"These measurements cannot tell: of {len(names)} effects, {len(seen)} would have been seen at their usual "
             "size."
         )
         return Verdict(kind="underpowered", missing=(), text=text)
+    if not is_told:
+        return _perhaps(ranking)
     # Of an effect of which some variants would have been seen the others are told.
     told = {power.candidate.name if power.candidate.name not in seen else str(power.candidate) for power in blind}
     unseen = f" Not seen at their usual size would be {', '.join(sorted(told))}." if told else ""
@@ -241,10 +242,17 @@ def _nothing(ranking: Sequence[Ranked], powers: Sequence[Power]) -> Verdict:
 def _perhaps(ranking: Sequence[Ranked]) -> Verdict:
     """Return that an effect may be missing, one of those that are possible, or nothing."""
     effects = [one for one in ranking if one.name != NOTHING]
-    possible = [one for one in effects if one is effects[0] or one.probability > POSSIBLE]
-    names = " or ".join(one.name for one in possible)
-    shares = " and ".join(f"{one.probability:.2f}" for one in possible)
-    text = f"{names} may be missing, or nothing: {shares} against {_of_nothing(ranking):.2f}."
+    possible = [one for one in effects if one.probability > POSSIBLE]
+    nothing = _of_nothing(ranking)
+    if possible:
+        names = " or ".join(one.name for one in possible)
+        shares = " and ".join(f"{one.probability:.2f}" for one in possible)
+        text = f"{names} may be missing, or nothing: {shares} against {nothing:.2f}."
+    else:
+        text = (
+            f"An effect may be missing, {1.0 - nothing:.2f} against {nothing:.2f} for nothing, but none stands out: "
+            f"the most probable, {effects[0].name}, has {effects[0].probability:.2f}."
+        )
     return Verdict(kind="underpowered", missing=(), text=text)
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from chatter_core.evidence.measured import OUTCOMES, Limits
 from chatter_core.evidence.power import Power
+from chatter_core.evidence.ranking import Ranked
 from pipeline import comparison_figures, diagnosis_figures, diagnosis_page
 from pipeline.comparison_document import origin
 from pipeline.model_file import Content
@@ -45,11 +46,12 @@ def test_what_could_have_been_seen_is_listed_the_most_first():
 
 
 def test_a_ranking_is_drawn_with_its_pairs_and_says_every_gain():
-    def ranked(name: str, probability: float, gain: float) -> SimpleNamespace:
-        return SimpleNamespace(name=name, probability=probability, gain=gain)
+    def ranked(name: str, probability: float, gain: float) -> Ranked:
+        return Ranked(name=name, probability=probability, gain=gain, best=SimpleNamespace())
 
+    # A loss that rounds to nothing is none.
     found = SimpleNamespace(
-        ranking=[ranked("higher_modes", 1.0, 805.0), ranked("none", 0.0, 0.0), ranked("tool_runout", 0.0, -1234.5)],
+        ranking=[ranked("higher_modes", 1.0, 805.0), ranked("none", 0.0, -0.01), ranked("tool_runout", 0.0, -1234.5)],
         pairs=[ranked("higher_modes + tool_runout", np.nan, 846.0)],
         supported=SimpleNamespace(name="higher_modes + tool_runout"),
         verdict=SimpleNamespace(missing=("higher_modes", "tool_runout")),

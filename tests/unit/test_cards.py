@@ -10,6 +10,7 @@ from chatter_core.cards import Card
 from chatter_core.effects import effect_names, variants
 from chatter_core.evidence import Comparison, base_model
 from chatter_core.evidence.fit import fit
+from chatter_core.evidence.ranking import Ranked
 from chatter_core.evidence.verdict import Verdict
 from chatter_core.machine import Machine
 from pipeline.diagnosis import Diagnosis
@@ -68,7 +69,7 @@ def test_a_fit_shows_estimates_with_deviations():
 
 
 def test_a_diagnosis_shows_its_verdict_and_ranking():
-    ranked = SimpleNamespace(name="process_damping", probability=0.93, gain=12.34)
+    ranked = Ranked(name="process_damping", probability=0.93, gain=12.34, best=SimpleNamespace())
     verdict = Verdict(kind="effect", missing=("process_damping",), text="This is missing.")
     card = Diagnosis.card(SimpleNamespace(verdict=verdict, ranking=[ranked] * 9))
     assert card.title == "Diagnosis: effect. This is missing."

@@ -242,6 +242,21 @@ def test_nothing_is_not_said_where_effects_together_are_more_probable():
     assert found.text == "a may be missing, or nothing: 0.41 against 0.50."
 
 
+def test_no_effect_is_told_by_name_where_each_is_as_improbable_as_the_other():
+    even = [ranked(NOTHING, 0.46, 0.0), *(ranked(name, 0.09, 0.0) for name in "abcdef")]
+    found = decided(even)
+    assert found.kind == "underpowered"
+    assert found.text == (
+        "An effect may be missing, 0.54 against 0.46 for nothing, but none stands out: the most probable, a, has 0.09."
+    )
+    # Where hardly any would have been seen that is why.
+    assert decided(even, powers=BLIND).text == (
+        "These measurements cannot tell: of 4 effects, 1 would have been seen at their usual size."
+    )
+    stands_out = [ranked(NOTHING, 0.46, 0.0), ranked("a", 0.3, 2.0), ranked("b", 0.09, 0.0)]
+    assert decided(stands_out, powers=BLIND).text == "a may be missing, or nothing: 0.30 against 0.46."
+
+
 def test_variants_that_were_not_fitted_count():
     found = rank(hypothesis("", 0.0), [hypothesis("a + b", 15.0)], {"a + b": 6})
     assert found[0].gain == pytest.approx(15.0 - np.log(6.0))
