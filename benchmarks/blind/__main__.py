@@ -1,6 +1,6 @@
 """Make campaigns, diagnose them blind, and judge: python -m benchmarks.blind SEEDS FOLDER.
 
-SEEDS is calibration, test, second, third (the third to the fifth test's) or sixth (the sixth to the eighth test's).
+SEEDS is calibration, test, second, third (the third to the fifth test's) or sixth (the sixth to the ninth test's).
 FOLDER/campaigns/SEED is what a diagnosis sees, FOLDER/truth/SEED what it does not: the truth is opened when all
 diagnoses are there. The same command continues what was interrupted.
 """
