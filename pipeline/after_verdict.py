@@ -25,8 +25,8 @@ from pipeline.profiling import own_parameters
 ENDS, CUTS, RESPONSES = "ends of intervals", "next cuts", "next receptances"
 #: A cut as the machine is set up, among kinds of cuts.
 PLAIN_CUT = "cut"
-#: A cut with another feed or width has to tell so much more than one without. Where the answers that are to be parted
-#: do not hang on feed or width, those tell alike, but for rounding.
+#: A cut with another feed, width or direction has to tell so much more than one without. Where the answers that are to
+#: be parted do not hang on any of these, those tell alike, but for rounding.
 WORTH_SETTING_UP = 1.05
 
 

@@ -53,7 +53,8 @@ class NextMeasurement:
 def other_cuts(machine: Machine) -> dict[str, dict[str, float]]:
     """Return kinds of cuts that differ from the machine's own in one setting, with that setting (SI).
 
-    A direction is given by its position in measured.DIRECTIONS.
+    A direction is given by its position in measured.DIRECTIONS. The machine's own settings are those of its
+    description, whatever the trials of a campaign state.
 
     See docs/physics.md#diagnosis.
     """

@@ -6,7 +6,7 @@ measurements could not have shown it.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from chatter_core.evidence.failures import Failure
 from chatter_core.evidence.power import ENOUGH, Power
@@ -163,15 +163,19 @@ def _stands_out(one: Ranked, answers: Sequence[Ranked], checks: Sequence[Failure
 
 def _with_rest(verdict: Verdict, checks: Sequence[Failure]) -> Verdict:
     """Return a verdict that says that checks still fail."""
-    still = "a check still fails" if len(checks) == 1 else f"{len(checks)} checks still fail"
-    text = f"{verdict.text} It does not explain everything, {still}: {checks[0].text}"
+    text = f"{verdict.text} It does not explain everything, {_still(checks)}: {checks[0].text}"
     return Verdict(kind=verdict.kind, missing=verdict.missing, text=text)
 
 
 def _unexplained(best: Ranked, checks: Sequence[Failure]) -> Verdict:
-    with_what = "" if best.name == NOTHING else f": with {best.name}, the best of them, {len(checks)} checks still fail"
+    with_what = "" if best.name == NOTHING else f": with {best.name}, the best of them, {_still(checks)}"
     text = f"Something is missing that no candidate explains{with_what}. {checks[0].text}"
     return Verdict(kind="unexplained", missing=(), text=text)
+
+
+def _still(checks: Sequence[Failure]) -> str:
+    """Return in words how many checks still fail."""
+    return "a check still fails" if len(checks) == 1 else f"{len(checks)} checks still fail"
 
 
 def close_pairs(pairs: Sequence[Ranked]) -> list[Ranked]:
@@ -219,24 +223,31 @@ def _two(pairs: Sequence[Ranked], left: Mapping[str, Sequence[Failure]]) -> Verd
 
 
 def _nothing(ranking: Sequence[Ranked], powers: Sequence[Power]) -> Verdict:
-    first = ranking[0]
-    is_told, stands_out = first.probability >= NOTHING_NAMED, len(not_ruled_out(ranking)) > 1
-    names = {power.candidate.name for power in powers}
-    blind = [power for power in powers if power.nats < ENOUGH]
-    seen = {power.candidate.name for power in powers if power.nats >= ENOUGH}
-    if len(seen) < SEEN_SHARE * len(names) and (is_told or not stands_out):
-        text = (
-            f"These measurements cannot tell: of {len(names)} effects, {len(seen)} would have been seen at their usual "
-            "size."
-        )
-        return Verdict(kind="underpowered", missing=(), text=text)
-    if not is_told:
-        return _perhaps(ranking)
+    first, too_few = ranking[0], _too_few_seen(powers)
+    if first.probability < NOTHING_NAMED:
+        perhaps = _perhaps(ranking)
+        return replace(perhaps, text=f"{perhaps.text} {too_few}".rstrip())
+    if too_few:
+        return Verdict(kind="underpowered", missing=(), text=too_few)
     # Of an effect of which some variants would have been seen the others are told.
+    seen, blind = _seen(powers), [power for power in powers if power.nats < ENOUGH]
     told = {power.candidate.name if power.candidate.name not in seen else str(power.candidate) for power in blind}
     unseen = f" Not seen at their usual size would be {', '.join(sorted(told))}." if told else ""
     text = f"Nothing is missing that these measurements show (probability {first.probability:.2f}).{unseen}"
     return Verdict(kind="none", missing=(), text=text)
+
+
+def _seen(powers: Sequence[Power]) -> set[str]:
+    """Return the effects of which a variant would have been seen."""
+    return {power.candidate.name for power in powers if power.nats >= ENOUGH}
+
+
+def _too_few_seen(powers: Sequence[Power]) -> str:
+    """Return that too few effects would have been seen to say that nothing is missing, "" where enough would have."""
+    seen, all_of_them = len(_seen(powers)), len({power.candidate.name for power in powers})
+    if seen >= SEEN_SHARE * all_of_them:
+        return ""
+    return f"These measurements cannot tell: of {all_of_them} effects, {seen} would have been seen at their usual size."
 
 
 def _perhaps(ranking: Sequence[Ranked]) -> Verdict:
@@ -247,7 +258,9 @@ def _perhaps(ranking: Sequence[Ranked]) -> Verdict:
     if possible:
         names = " or ".join(one.name for one in possible)
         shares = " and ".join(f"{one.probability:.2f}" for one in possible)
-        text = f"{names} may be missing, or nothing: {shares} against {nothing:.2f}."
+        rest = 1.0 - nothing - sum(one.probability for one in possible)
+        others = f", and {rest:.2f} for all other effects" if rest > POSSIBLE else ""
+        text = f"{names} may be missing, or nothing: {shares} against {nothing:.2f}{others}."
     else:
         text = (
             f"An effect may be missing, {1.0 - nothing:.2f} against {nothing:.2f} for nothing, but none stands out: "

@@ -118,6 +118,7 @@ def test_other_cuts_stay_within_what_a_cut_can_be():
         {"radial_immersion": pytest.approx(0.4)},
         {"direction": DIRECTIONS.index("up")},
     ]
+    assert other_cuts(tip_machine(direction="up"))["cut in down-milling"] == {"direction": DIRECTIONS.index("down")}
     across = tip_machine(direction="up", radial_immersion=1.0)
     assert list(other_cuts(across)) == [
         "cut with 0.04 mm per tooth",

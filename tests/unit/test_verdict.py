@@ -242,7 +242,7 @@ def test_nothing_is_not_said_where_effects_together_are_more_probable():
     assert found.text == "a may be missing, or nothing: 0.41 against 0.50."
 
 
-def test_no_effect_is_told_by_name_where_each_is_as_improbable_as_the_other():
+def test_where_no_effect_stands_out_that_is_said():
     even = [ranked(NOTHING, 0.46, 0.0), *(ranked(name, 0.09, 0.0) for name in "abcdef")]
     found = decided(even)
     assert found.kind == "underpowered"
@@ -251,10 +251,13 @@ def test_no_effect_is_told_by_name_where_each_is_as_improbable_as_the_other():
     )
     # Where hardly any would have been seen that is why.
     assert decided(even, powers=BLIND).text == (
-        "These measurements cannot tell: of 4 effects, 1 would have been seen at their usual size."
+        f"{found.text} These measurements cannot tell: of 4 effects, 1 would have been seen at their usual size."
     )
-    stands_out = [ranked(NOTHING, 0.46, 0.0), ranked("a", 0.3, 2.0), ranked("b", 0.09, 0.0)]
-    assert decided(stands_out, powers=BLIND).text == "a may be missing, or nothing: 0.30 against 0.46."
+
+
+def test_effects_that_are_improbable_one_by_one_are_told_together():
+    ranking = [ranked(NOTHING, 0.43, 0.0), ranked("a", 0.12, 2.0), *(ranked(name, 0.09, 0.0) for name in "bcdef")]
+    assert decided(ranking).text == "a may be missing, or nothing: 0.12 against 0.43, and 0.45 for all other effects."
 
 
 def test_variants_that_were_not_fitted_count():
