@@ -2,7 +2,8 @@
 
 Each step hands a frozen value to the next, and knows only the value before it:
 
-    Machine --bearing_speed, preload, ring_growth--> BearingState --seat_stiffness, joints, gyroscopic_speed--> TipModes
+    Machine --bearing_speed, preload, ring_growth--> BearingState
+    --seat_stiffness, seat_turn, joints, gyroscopic_speed--> TipModes
     --tip_modes, cut_modes, linear_system--> LinearSystem
     Machine --engagement, teeth, force_coefficients--> CuttingGain --regeneration--> DelayEquation
 
@@ -21,7 +22,7 @@ from chatter_core.errors import InvalidInput
 from chatter_core.following import follow_modes, path_to
 from chatter_core.machine import Machine
 from chatter_core.reading import shown
-from chatter_core.stages import Stages, seat_stiffness, stages_of
+from chatter_core.stages import Stages, seat_stiffness, seat_turn, stages_of
 from chatter_core.variables import MODAL_PARAMETERS, STRUCTURE
 
 Array = NDArray[np.float64]
@@ -146,7 +147,7 @@ def _bearings(
         loosens = joint.loosening(spindle_speed) != joint.loosening(np.zeros(1))
         felt = np.where(loosens, spindle_speed, felt)
     # Whoever exchanges what the seats make of the bearings may have it hang on the speed.
-    if stages.seat_stiffness is not seat_stiffness:
+    if stages.seat_stiffness is not seat_stiffness or stages.seat_turn is not seat_turn:
         felt = spindle_speed
     path, place = path_to(felt)
     return path, place, state_along(machine.bearing, law, path, rotor.preload_type)
@@ -189,7 +190,13 @@ def _spindle_modes(
         modal_mass=mass,
         tracking_confidence=confident,
         gyroscopic=coupling,
+        turn=_turned(stages.seat_turn(described, states)[place], mode_count),
     )
+
+
+def _turned(turn: Array, mode_count: int) -> Array | None:
+    """Return by how much modes of both axes are turned (speed, mode) [rad] where seats are (speed,); None for none."""
+    return np.repeat(turn[:, None], 2 * mode_count, axis=1) if turn.any() else None
 
 
 def _followed(

@@ -71,13 +71,21 @@ def ring_growth(spindle: Spindle, spindle_speed: Array) -> Array:
 def seat_stiffness(spindle: Spindle, state: BearingState) -> Array:
     """Return the radial stiffness of every seat (axis, speed, seat) [N/m]: bearings side by side, a rigid housing.
 
-    Axes: x and y, here alike.
+    Axes: x and y, as ``seat_turn`` turns them; here alike.
 
     See docs/physics.md#rotor.
     """
     counts = np.array([seat.count for seat in spindle.bearings])
     stiffness = state.radial_stiffness[:, None] * counts
     return np.stack([stiffness, stiffness])
+
+
+def seat_turn(spindle: Spindle, state: BearingState) -> Array:
+    """Return by which angle the seats' principal axes are turned from x towards y, and from y (speed,) [rad]: none.
+
+    See docs/physics.md#rotor.
+    """
+    return np.zeros_like(state.radial_stiffness)
 
 
 def joints(spindle: Spindle) -> tuple[Joint, ...]:
@@ -167,6 +175,7 @@ OF_THE_STRUCTURE = (
     "preload",
     "ring_growth",
     "seat_stiffness",
+    "seat_turn",
     "joints",
     "gyroscopic_speed",
     "tip_modes",
@@ -189,6 +198,7 @@ class Stages:
     preload: Callable[[Spindle, Array], Array] = preload
     ring_growth: Callable[[Spindle, Array], Array] = ring_growth
     seat_stiffness: Callable[[Spindle, BearingState], Array] = seat_stiffness
+    seat_turn: Callable[[Spindle, BearingState], Array] = seat_turn
     joints: Callable[[Spindle], tuple[Joint, ...]] = joints
     gyroscopic_speed: Callable[[Array], Array] = gyroscopic_speed
     tip_modes: Callable[[KnownModes, Array, int], TipModes] = tip_modes

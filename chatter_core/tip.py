@@ -2,7 +2,7 @@
 
 Modes come from the spindle or from measurement; from here on nobody can tell which. With the
 mode shape one at the tip, mode k of an axis obeys m q'' + c q' + k q = F and the tip's
-displacement is the sum of the axis' q.
+displacement is the sum of the axis' q. Where axes are turned F is the force along the mode's own direction.
 """
 
 from dataclasses import dataclass, replace
@@ -32,7 +32,8 @@ class TipModes:
     it keeps at every speed; natural_frequency [rad/s], damping_ratio [-], modal_mass [kg]:
     (speed, mode); tracking_confidence: (speed, mode), the least modal assurance met on the way
     from standstill; gyroscopic: (speed, mode, mode) [N s/m], the force on a mode per velocity of
-    another, M q'' + (C + gyroscopic) q' + K q = F, None where no mode feels another.
+    another, M q'' + (C + gyroscopic) q' + K q = F, None where no mode feels another; turn: (speed, mode) [rad], by
+    which the direction of a mode is turned from its axis, from x towards y, None where none is.
     """
 
     axis: NDArray[np.intp]
@@ -42,6 +43,15 @@ class TipModes:
     modal_mass: Array
     tracking_confidence: Array
     gyroscopic: Array | None = None
+    turn: Array | None = None
+
+    @property
+    def direction(self) -> Array:
+        """Unit vectors along which modes move, in x and y (speed, mode, 2)."""
+        if self.turn is None:
+            return np.broadcast_to(np.eye(2)[self.axis], (*self.natural_frequency.shape, 2))
+        angle = 0.5 * np.pi * self.axis + self.turn
+        return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
     @property
     def modal_stiffness(self) -> Array:
@@ -54,7 +64,10 @@ class TipModes:
     def at(self, speeds: NDArray[np.intp]) -> "TipModes":
         """Return the modes at some of the speeds."""
         coupling = None if self.gyroscopic is None else self.gyroscopic[speeds]
-        return replace(self, gyroscopic=coupling, **{name: getattr(self, name)[speeds] for name in OVER_SPEED})
+        turn = None if self.turn is None else self.turn[speeds]
+        return replace(
+            self, gyroscopic=coupling, turn=turn, **{name: getattr(self, name)[speeds] for name in OVER_SPEED}
+        )
 
     def heavier(self, factor: Array) -> "TipModes":
         """Return the modes with masses, and so stiffnesses and all forces on them, larger by factors (mode,)."""
@@ -76,6 +89,7 @@ class TipModes:
             axis=self.axis[kept],
             label=self.label[kept],
             gyroscopic=None if self.gyroscopic is None else self.gyroscopic[:, kept[:, None], kept],
+            turn=None if self.turn is None else self.turn[:, kept],
             **{name: getattr(self, name)[:, kept] for name in OVER_SPEED},
         )
 
@@ -125,9 +139,9 @@ def state_space(modes: TipModes) -> StateSpace:
         felt = modes.gyroscopic * modes.natural_frequency[:, None, :] / impedance[:, :, None]
         state_matrix[:, velocity[:, None], velocity] -= felt
     input_matrix = np.zeros((speeds, 2 * count, 2))
-    input_matrix[:, velocity, modes.axis] = 1.0 / (modes.modal_mass * modes.natural_frequency)
+    input_matrix[:, velocity] = modes.direction / (modes.modal_mass * modes.natural_frequency)[:, :, None]
     output_matrix = np.zeros((speeds, 2, 2 * count))
-    output_matrix[:, modes.axis, position] = 1.0
+    output_matrix[:, :, position] = np.swapaxes(modes.direction, 1, 2)
     return StateSpace(
         state_matrix=state_matrix,
         input_matrix=input_matrix,
@@ -174,6 +188,8 @@ def receptance(modes: TipModes, frequency: Array) -> NDArray[np.complex128]:
         * (natural**2 - excited**2 + 2j * modes.damping_ratio[:, None, :] * natural * excited)
     )
     result = np.zeros((len(modes.natural_frequency), len(frequency), 2, 2), dtype=complex)
+    if modes.turn is not None:
+        return np.einsum("sfm,smi,smj->sfij", term, modes.direction, modes.direction, out=result)
     for axis in range(2):
         result[:, :, axis, axis] = term[:, :, modes.axis == axis].sum(axis=-1)
     return result

@@ -88,7 +88,9 @@ def _asymmetry(hidden: Hidden, machine: Machine) -> Beginning:
     share = hidden.front_seat_y_m_n / seat_compliance(replace(machine, preload_n=REFERENCE_PRELOAD))
     # A rear seat that does not give at all is one that gives a twentieth: the program's law goes no lower.
     difference = math.log(max(hidden.rear_seat_y_share, 0.05))
-    losses = [{"stiffness_loss": math.log(1.0 + part * share), "rear_difference": difference} for part in (0.3, 1.0)]
+    # What is hidden turns from y towards x, what is fitted from x towards y.
+    shape = {"rear_difference": difference, "turn_deg": -math.degrees(hidden.y_turn_rad)}
+    losses = [{"stiffness_loss": math.log(1.0 + part * share), **shape} for part in (0.3, 1.0)]
     return _beginning(*losses, where="seats", axis="y")
 
 

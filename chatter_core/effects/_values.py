@@ -95,7 +95,9 @@ def _of_numbers_of_modes(found: TipModes, arguments: tuple[Any, ...], before: Ca
         yield f"damping_ratio is {found.damping_ratio[found.damping_ratio < 0.0][0]:g}, allowed: from 0"
     if found.gyroscopic is not None:
         yield from _unlike("gyroscopic", found.gyroscopic, (*found.natural_frequency.shape, len(found)))
-    names = [*OVER_SPEED, *(["gyroscopic"] if found.gyroscopic is not None else [])]
+    if found.turn is not None:
+        yield from _unlike("turn", found.turn, found.natural_frequency.shape)
+    names = [*OVER_SPEED, *(name for name in ("gyroscopic", "turn") if getattr(found, name) is not None)]
     unknown = {name: ~np.isfinite(getattr(found, name)).reshape(len(arguments[1]), -1).all(axis=1) for name in names}
     if not any(lost.any() for lost in unknown.values()):
         return

@@ -10,7 +10,7 @@ from chatter_core.effects._base import Effect, Scan, Setting
 from chatter_core.errors import InvalidInput
 from chatter_core.machine import Machine, Spindle
 from chatter_core.parameters import Array, Parameter
-from chatter_core.stages import KnownModes
+from chatter_core.stages import KnownModes, Stages
 from chatter_core.tip import AXES, TipModes
 
 #: Axial preload on every single bearing at which seats have lost their stated share [N].
@@ -25,8 +25,9 @@ class DirectionalAsymmetry(Effect):
     along that axis, as a spring in series with the bearings of each, 1/k -> 1/k + exp(d s) (exp(a) - 1)/k_0, where s is
     the place of a seat, 0 at the front one and 1 at the rearmost: ribs and feet are at one end. k_0 is the stiffness of
     the front seat's bearings at rest under ``REFERENCE_PRELOAD``, so that the spring is the same at every preload.
-    Modes that move the shaft then differ, and those that bend the tool hardly do. Valid while the principal directions
-    are x and y.
+    Modes that move the shaft then differ, and those that bend the tool hardly do. The direction along which they give
+    may be turned, from x towards y, and what is across it with it: the tip then has cross receptances. Valid while all
+    seats give along the same direction; of modes, while the principal directions are x and y.
 
     Source: none for the modes, the plainest law that tells the axes apart; Y. Altintas, Manufacturing Automation, 2nd
     ed. (2012), chapter 3 (springs in series). Rotors and their bearings alone are alike in both.
@@ -38,14 +39,14 @@ class DirectionalAsymmetry(Effect):
     axis: str
 
     stage: ClassVar[str] = "tip_modes"
-    shapes: ClassVar[tuple[str, ...]] = ("rear_difference",)
+    shapes: ClassVar[tuple[str, ...]] = ("rear_difference", "turn_deg")
     changes: ClassVar[tuple[str, ...]] = ("modes", "cut")
     # Soft modes move by some seven per cent from one to the next: farther, and they leave the peaks that they were at.
     scan: ClassVar[Scan | None] = Scan(parameter="stiffness_loss", values=tuple(0.15 * np.arange(1, 13)))
     settings: ClassVar[tuple[Setting, ...]] = (
         Setting(
             name="where", doc="what is softer along one axis", choices=("modes", "seats"),
-            unused={"modes": ("rear_difference",)},
+            unused={"modes": ("rear_difference", "turn_deg")},
         ),
         Setting(name="axis", doc="the softer direction", choices=AXES),
     )  # fmt: skip
@@ -58,6 +59,10 @@ class DirectionalAsymmetry(Effect):
         Parameter(
             name="rear_difference", unit="ln", doc="ln of what the rearmost seat gives by over the front one, of seats",
             prior_width=1.0, lower=-3.0, upper=3.0,
+        ),
+        Parameter(
+            name="turn_deg", unit="degree", doc="angle by which the softer direction is turned from its axis, of seats",
+            prior_width=20.0, lower=-45.0, upper=45.0,
         ),
     )  # fmt: skip
 
@@ -79,10 +84,18 @@ class DirectionalAsymmetry(Effect):
         """Return whether it is of modes that a spindle explains: seats say the same of them, and why."""
         return self.where == "modes" and machine.spindle is not None
 
+    def apply(self, stages: Stages, values: Array) -> Stages:
+        """Return the stages with its own transformed; of seats the axes turn with what softens one of them."""
+        softer = super().apply(stages, values)
+        if softer is stages or self.where == "modes":
+            return softer
+        turn = float(np.deg2rad(values[-1]))
+        return replace(softer, seat_turn=lambda spindle, state: stages.seat_turn(spindle, state) + turn)
+
     def transform(self, before: Any, machine: Machine, values: tuple[float, ...]) -> Any:
         """Return the tip's modes or the seats' stiffness, less along one axis."""
         if self.where == "seats":
-            return self._softer_seats(before, machine, *values)
+            return self._softer_seats(before, machine, *values[:2])
         return self._softer_modes(before, *values)
 
     def _softer_modes(self, before: Any, loss: float) -> Any:

@@ -62,8 +62,10 @@ class WorkpieceMode(Effect):
                 name: np.concatenate([getattr(tip, name), value * column], axis=1) for name, value in added.items()
             }
             own = None if tip.gyroscopic is None else np.pad(tip.gyroscopic, ((0, 0), (0, 1), (0, 1)))
+            turn = None if tip.turn is None else np.pad(tip.turn, ((0, 0), (0, 1)))
             return TipModes(
                 gyroscopic=own,
+                turn=turn,
                 axis=np.append(tip.axis, AXES.index(self.axis)),
                 label=np.append(tip.label, tip.label.max() + 1),
                 **columns,

@@ -180,7 +180,7 @@ def test_what_says_nothing_with_what_is_chosen_makes_no_other_study():
         words = ["effects=[directional_asymmetry]", f"effects.directional_asymmetry={{{values}}}"]
         return compose_settings(words_for(SweepOptions, [*WORDS, *words]))
 
-    modes, rear = "where: modes, axis: y, stiffness_loss: 0.1", ", rear_difference: 0.0"
+    modes, rear = "where: modes, axis: y, stiffness_loss: 0.1", ", rear_difference: 0.0, turn_deg: 0.0"
     assert settings(modes).fingerprint() == settings(modes + rear).fingerprint()
     of_seats = settings(modes.replace("modes", "seats") + rear).scientific()["effects"]["directional_asymmetry"]
-    assert of_seats["rear_difference"] == 0.0
+    assert (of_seats["rear_difference"], of_seats["turn_deg"]) == (0.0, 0.0)

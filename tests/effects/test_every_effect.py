@@ -149,7 +149,7 @@ def test_keys_and_settings_are_checked(name: str):
 def test_a_parameter_that_says_nothing_with_what_is_chosen():
     modes = {"where": "modes", "axis": "y", "stiffness_loss": 0.3}
     left_out, at_null = (
-        activate("directional_asymmetry", {**modes, **other}) for other in ({}, {"rear_difference": 0})
+        activate("directional_asymmetry", {**modes, **other}) for other in ({}, {"rear_difference": 0, "turn_deg": 0})
     )
     assert left_out == at_null
     assert [one.name for one in left_out.effect.parameters] == ["directional_asymmetry.stiffness_loss"]
@@ -160,7 +160,7 @@ def test_a_parameter_that_says_nothing_with_what_is_chosen():
         "allowed: 0, or none"
     ]
     with pytest.raises(InvalidInput, match=r"directional_asymmetry.rear_difference: missing; needed: "):
-        activate("directional_asymmetry", {**modes, "where": "seats"})
+        activate("directional_asymmetry", {**modes, "where": "seats", "turn_deg": 0.0})
 
 
 @EVERY

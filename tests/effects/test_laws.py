@@ -169,7 +169,13 @@ def test_softness_along_an_axis_moves_its_modes_alone(reference_machine: Machine
 def test_seats_that_give_one_way(reference_machine: Machine, axis: int, difference: float):
     """The softer plane is the rotor on springs in series, solved without modes; the other one is as it was."""
     spindle = reference_machine.spindle
-    values = {"where": "seats", "axis": "xy"[axis], "stiffness_loss": 0.7, "rear_difference": difference}
+    values = {
+        "where": "seats",
+        "axis": "xy"[axis],
+        "stiffness_loss": 0.7,
+        "rear_difference": difference,
+        "turn_deg": 0.0,
+    }
     stages = model(reference_machine, "directional_asymmetry", **values)
     built = structure(stages, SPEEDS, mode_count=20)
     base = structure(reference_machine, SPEEDS, mode_count=20)
@@ -186,37 +192,71 @@ def test_seats_that_give_one_way(reference_machine: Machine, axis: int, differen
     assert np.array_equal(found[:, :, 1 - axis, 1 - axis], before[:, :, 1 - axis, 1 - axis])
 
 
-def test_unlike_planes_of_a_rotor_that_spins(reference_machine: Machine):
-    """All four receptances against M q'' + C q' + W (0 G; -G 0) q' + K q = f of both planes, every freedom kept."""
+@pytest.mark.parametrize("turn", [0.0, 25.0])
+def test_unlike_planes_of_a_rotor_that_spins(reference_machine: Machine, turn: float):
+    """All four receptances against M q'' + C q' + W (0 G; -G 0) q' + K q = f of both planes, every freedom kept.
+
+    Of seats that give along a direction turned from y towards -x the same springs stand between both planes.
+    """
     spindle, speed = reference_machine.spindle, SPEEDS[-1]
-    values = {"where": "seats", "axis": "y", "stiffness_loss": 1.0, "rear_difference": 0.5}
+    values = {"where": "seats", "axis": "y", "stiffness_loss": 1.0, "rear_difference": 0.5, "turn_deg": turn}
     asymmetry = activate("directional_asymmetry", values)
     stages = apply_effects(reference_machine, [asymmetry, activate("gyroscopic_coupling", {"share": 1.0})])
     built = structure(stages, np.array([0.0, speed]), mode_count=20)
     rotor, frequency = assemble(spindle), 2.0 * np.pi * np.linspace(100.0, 2000.0, 40)
-    first, second, planes = spindle.damping.mass_coefficient, spindle.damping.stiffness_coefficient, []
-    for seats in stages.seat_stiffness(spindle, built.bearing)[:, -1]:
-        stiffness = rotor.stiffness.copy()
-        stiffness[rotor.seats, rotor.seats] += seats
-        planes.append(stiffness)
+    first, second, freedoms = spindle.damping.mass_coefficient, spindle.damping.stiffness_coefficient, len(rotor.mass)
+    mass, stiffness = np.kron(np.eye(2), rotor.mass), np.kron(np.eye(2), rotor.stiffness)
+    s, c = math.sin(math.radians(turn)), math.cos(math.radians(turn))
+    for seat, along in zip(rotor.seats, stages.seat_stiffness(spindle, built.bearing)[:, -1].T, strict=True):
+        both = [seat, freedoms + seat]
+        stiffness[np.ix_(both, both)] += np.array([[c, -s], [s, c]]) * along @ np.array([[c, s], [-s, c]])
     # Teeth and rotor turn from +y to +x.
-    across, freedoms = -speed * rotor.gyroscopic, len(rotor.mass)
+    across = np.kron(np.array([[0.0, 1.0], [-1.0, 0.0]]), -speed * rotor.gyroscopic)
     tip = [0, freedoms]
     forces = np.eye(2 * freedoms)[:, tip]
     found = receptance(built.modes, frequency)[-1]
     for number, line in enumerate(frequency):
-        x, y = (k + 1j * line * (first * rotor.mass + second * k) - line**2 * rotor.mass for k in planes)
-        expected = np.linalg.solve(np.block([[x, 1j * line * across], [-1j * line * across, y]]), forces)[tip]
+        damping = first * mass + second * stiffness + across
+        expected = np.linalg.solve(stiffness + 1j * line * damping - line**2 * mass, forces)[tip]
         # Twenty modes leave a spring of 2e-3 of the whole; cross receptances are a hundredth of the direct ones.
         assert found[number] == pytest.approx(expected, abs=3e-3 * np.abs(found).max())
     assert np.abs(found[:, 0, 1]).max() > 9e-3 * np.abs(found).max()
+
+
+def test_axes_that_are_turned_by_an_eighth_meet(reference_machine: Machine):
+    """What gives along x, turned towards y, gives along y, turned towards x: multipliers and receptances are alike."""
+    values = {"where": "seats", "stiffness_loss": 0.7, "rear_difference": -0.5}
+    found = []
+    for axis, turn in (("x", 45.0), ("y", -45.0), ("y", 0.0)):
+        stages = model(reference_machine, "directional_asymmetry", axis=axis, turn_deg=turn, **values)
+        built = structure(stages, SPEEDS[1:], mode_count=2)
+        cut = critical_multipliers(stages, built, np.array([0, 1]), np.full(2, 1e-3), COLLOCATION, np.ones(2))
+        found.append((cut, receptance(built.modes, 2.0 * np.pi * np.linspace(100.0, 2000.0, 40))))
+    for one, other in zip(*found[:2], strict=True):
+        assert one == pytest.approx(other, rel=1e-6, abs=1e-9 * np.abs(other).max())
+    assert np.abs(found[0][0] - found[2][0]).max() > 1e-3
+    assert found[0][1] == pytest.approx(np.swapaxes(found[0][1], -1, -2), rel=1e-12)
+    assert np.abs(found[0][1][..., 0, 1]).max() > 0.01 * np.abs(found[0][1]).max()
+
+
+@pytest.mark.parametrize("spin", [0.0, 1.0])
+def test_the_axes_of_what_is_alike_all_around_are_no_matter(reference_machine: Machine, spin: float):
+    """A rotor on seats that are alike is the same from everywhere, and so are its receptances."""
+    gyroscopic = activate("gyroscopic_coupling", {"share": spin})
+    plain = apply_effects(reference_machine, [gyroscopic] if spin else [])
+    turned = replace(plain, seat_turn=lambda spindle, state: np.full(len(state.radial_stiffness), 0.6))
+    straight, other = (structure(stages, SPEEDS, mode_count=4).modes for stages in (plain, turned))
+    assert other.turn is not None
+    frequency = 2.0 * np.pi * np.linspace(100.0, 2000.0, 40)
+    expected = receptance(straight, frequency)
+    assert receptance(other, frequency) == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
 
 
 def test_seats_of_two_effects_act_in_series(reference_machine: Machine):
     """A housing that gives, and more so in y: compliances add, and x knows nothing of what is softer in y."""
     spindle, state = reference_machine.spindle, structure(reference_machine, SPEEDS, mode_count=1).bearing
     housing = activate("housing_compliance", {"compliance_um_n": 0.004, "rear_difference": 0.0})
-    softer = {"where": "seats", "axis": "y", "stiffness_loss": 0.4, "rear_difference": 0.0}
+    softer = {"where": "seats", "axis": "y", "stiffness_loss": 0.4, "rear_difference": 0.0, "turn_deg": 0.0}
     asymmetry = activate("directional_asymmetry", softer)
     both, one = (apply_effects(reference_machine, effects) for effects in ([housing, asymmetry], [housing]))
     alone = apply_effects(reference_machine, [asymmetry])
@@ -229,7 +269,7 @@ def test_seats_of_two_effects_act_in_series(reference_machine: Machine):
 
 def test_what_holds_the_seats_knows_no_preload(reference_machine: Machine):
     """One spring beside bearings of any preload; under 100 N it takes the stated share from the front seat at rest."""
-    softer = {"where": "seats", "axis": "y", "stiffness_loss": 0.7, "rear_difference": 0.0}
+    softer = {"where": "seats", "axis": "y", "stiffness_loss": 0.7, "rear_difference": 0.0, "turn_deg": 0.0}
     springs = []
     for preload in (50.0, 100.0, 600.0):
         machine = reference_machine.with_preload(preload)
@@ -242,7 +282,7 @@ def test_what_holds_the_seats_knows_no_preload(reference_machine: Machine):
 
 
 def test_a_table_has_the_less_sure_of_unlike_axes(reference_machine: Machine):
-    values = {"where": "seats", "axis": "y", "stiffness_loss": 1.5, "rear_difference": 0.0}
+    values = {"where": "seats", "axis": "y", "stiffness_loss": 1.5, "rear_difference": 0.0, "turn_deg": 0.0}
     stages = model(reference_machine, "directional_asymmetry", **values)
     found = structure(stages, SPEEDS, mode_count=6).modes.tracking_confidence
     table = structure_variables(stages, SPEEDS, mode_count=6)["tracking_confidence"]

@@ -148,7 +148,9 @@ def test_numbers_that_no_cut_can_have_are_told(
     assert re.search(said, problem), problem
 
 
-@pytest.mark.parametrize("stage", ["teeth", "regeneration", "linear_system", "cut_modes", "seat_stiffness", "joints"])
+@pytest.mark.parametrize(
+    "stage", ["teeth", "regeneration", "linear_system", "cut_modes", "seat_stiffness", "seat_turn", "joints"]
+)
 def test_a_law_that_changes_nothing_leaves_every_number(tmp_path: Path, reference_machine: Machine, stage: str):
     effect = activate("mine", {"size": 1.0}, write(tmp_path, stage, "return found"))
     assert np.array_equal(multipliers(reference_machine, effect), multipliers(reference_machine))
