@@ -81,9 +81,9 @@ def seat_stiffness(spindle: Spindle, state: BearingState) -> Array:
 
 
 def seat_turn(spindle: Spindle, state: BearingState) -> Array:
-    """Return by which angle the seats' principal axes are turned from x towards y, and from y (speed,) [rad]: none.
+    """Return by which angle the seats' principal axes are turned from x and y, from x towards y (speed,) [rad]: none.
 
-    See docs/physics.md#rotor.
+    See docs/physics.md#directional-asymmetry.
     """
     return np.zeros_like(state.radial_stiffness)
 

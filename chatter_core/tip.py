@@ -2,7 +2,7 @@
 
 Modes come from the spindle or from measurement; from here on nobody can tell which. With the
 mode shape one at the tip, mode k of an axis obeys m q'' + c q' + k q = F and the tip's
-displacement is the sum of the axis' q. Where axes are turned F is the force along the mode's own direction.
+displacement along the axis is the sum of its q. Where axes are turned F and q are along the mode's own direction.
 """
 
 from dataclasses import dataclass, replace

@@ -89,7 +89,7 @@ class DirectionalAsymmetry(Effect):
         softer = super().apply(stages, values)
         if softer is stages or self.where == "modes":
             return softer
-        turn = float(np.deg2rad(values[-1]))
+        (turn,) = (np.deg2rad(value) for one, value in zip(self.used, values, strict=True) if one.name == "turn_deg")
         return replace(softer, seat_turn=lambda spindle, state: stages.seat_turn(spindle, state) + turn)
 
     def transform(self, before: Any, machine: Machine, values: tuple[float, ...]) -> Any:

@@ -252,6 +252,18 @@ def test_the_axes_of_what_is_alike_all_around_are_no_matter(reference_machine: M
     assert receptance(other, frequency) == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
 
 
+def test_a_workpiece_does_not_turn_with_the_seats(reference_machine: Machine):
+    values = {"where": "seats", "axis": "y", "stiffness_loss": 0.7, "rear_difference": 0.0, "turn_deg": 30.0}
+    workpiece = {"axis": "x", "compliance_um_n": 0.2, "natural_frequency_hz": 700.0, "damping_ratio": 0.02}
+    effects = [activate("directional_asymmetry", values), activate("workpiece_mode", workpiece)]
+    modes = structure(apply_effects(reference_machine, effects), SPEEDS, mode_count=2).cut_modes
+    of_x, of_y = [math.cos(math.pi / 6.0), 0.5], [-0.5, math.cos(math.pi / 6.0)]
+    expected = np.broadcast_to([of_x, of_x, of_y, of_y, [1.0, 0.0]], (len(SPEEDS), 5, 2))
+    assert modes.direction == pytest.approx(expected, abs=1e-12)
+    assert modes.at(np.array([2])).direction == pytest.approx(expected[:1], abs=1e-12)
+    assert modes.alone(2).direction == pytest.approx(expected[:, [1, 3]], abs=1e-12)
+
+
 def test_seats_of_two_effects_act_in_series(reference_machine: Machine):
     """A housing that gives, and more so in y: compliances add, and x knows nothing of what is softer in y."""
     spindle, state = reference_machine.spindle, structure(reference_machine, SPEEDS, mode_count=1).bearing
