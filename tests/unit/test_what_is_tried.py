@@ -66,8 +66,8 @@ def test_what_is_told_of_parameters_that_are_unused_is_left_out():
 
     modes, seats = (candidate_of(Odd(where=where, axis="y"), np.inf) for where in ("modes", "seats"))
     assert (modes.shapes, modes.scan, modes.heard) == ((), None, None)
-    name = f"{Odd.name()}.rear_difference"
-    assert (seats.shapes, seats.scan, seats.heard) == ((name,), (name, (0.5, 1.0)), name)
+    name, turn = (f"{Odd.name()}.{one}" for one in ("rear_difference", "turn_deg"))
+    assert (seats.shapes, seats.scan, seats.heard) == ((name, turn), (name, (0.5, 1.0)), name)
 
 
 SLOT, DOWN = {"direction": "slot", "radial_immersion": 1.0}, {"direction": "down", "radial_immersion": 0.5}
