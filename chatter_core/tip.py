@@ -139,9 +139,10 @@ def state_space(modes: TipModes) -> StateSpace:
         felt = modes.gyroscopic * modes.natural_frequency[:, None, :] / impedance[:, :, None]
         state_matrix[:, velocity[:, None], velocity] -= felt
     input_matrix = np.zeros((speeds, 2 * count, 2))
-    input_matrix[:, velocity] = modes.direction / (modes.modal_mass * modes.natural_frequency)[:, :, None]
+    direction = modes.direction
+    input_matrix[:, velocity] = direction / (modes.modal_mass * modes.natural_frequency)[:, :, None]
     output_matrix = np.zeros((speeds, 2, 2 * count))
-    output_matrix[:, :, position] = np.swapaxes(modes.direction, 1, 2)
+    output_matrix[:, :, position] = np.swapaxes(direction, 1, 2)
     return StateSpace(
         state_matrix=state_matrix,
         input_matrix=input_matrix,
@@ -189,7 +190,8 @@ def receptance(modes: TipModes, frequency: Array) -> NDArray[np.complex128]:
     )
     result = np.zeros((len(modes.natural_frequency), len(frequency), 2, 2), dtype=complex)
     if modes.turn is not None:
-        return np.einsum("sfm,smi,smj->sfij", term, modes.direction, modes.direction, out=result)
+        along = modes.direction
+        return np.einsum("sfm,smi,smj->sfij", term, along, along, out=result)
     for axis in range(2):
         result[:, :, axis, axis] = term[:, :, modes.axis == axis].sum(axis=-1)
     return result
